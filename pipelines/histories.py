@@ -1,9 +1,10 @@
 """Branches learned from cycles of a laboratory, and curves that are kept back.
 
 python pipelines/histories.py          fits, and draws the curves
-python pipelines/histories.py --docs   puts the table into the documentation
+python pipelines/histories.py --docs   puts the tables into the documentation
 """
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,30 +16,103 @@ import pdsurrogate as pds
 from pdsurrogate.identification.history_report import figure_of_history, report_of_history
 from pdsurrogate.results import figures
 
-FILE = Path(__file__).parent / "data" / "experiment-hossain-2012-cycles.csv"
+DATA = Path(__file__).parent / "data"
+FILES = {
+    "VHB 4910": DATA / "experiment-hossain-2012-cycles.csv",
+    "VHB 4905": DATA / "experiment-vhb4905-cycles.csv",
+}
 CASES = [("3.0",), ("at 0.03", "3.0"), ("at 0.05", "3.0"), ("at 0.01", "3.0")]
 """Parts of the names of curves that are kept back."""
 
+TEMPERATURES = [
+    (f"{temperature} C", f"4.0 at {rate}")
+    for temperature, rates in (
+        (0, (0.03, 0.05, 0.1)),
+        (20, (0.03, 0.1)),
+        (40, (0.03, 0.05, 0.1)),
+        (60, (0.03, 0.1)),
+        (80, (0.03, 0.05, 0.1)),
+    )
+    for rate in rates
+]
+"""Temperatures with three curves or more, and the rates that are kept back."""
+
+REPEATED = [(1.45, 0.01), (1.45, 0.03), (1.45, 0.05), (1.95, 0.01), (1.95, 0.05), (2.45, 0.01)]
+REPEATED += [(2.45, 0.05)]
+"""Stretches that several strips reached at the same rates."""
+
+
+def cycles(material: str, of: str = "") -> tuple[pds.identification.TestData, list[str]]:
+    """The curves of a material whose names begin with a text, and their names."""
+    data = pds.load_test_data(FILES[material], mode="uniaxial", history=True)
+    names = [one.name for one in data.tests.specimens]
+    of_these = [number for number, name in enumerate(names) if name.startswith(of)]
+    return data.where(np.isin(data.curve, of_these)), names
+
+
+def errors(data, names: list[str], *parts: str) -> tuple:
+    """A fit to the curves whose names lack the given parts; branches in words, and errors by name:
+    fitted ones and those kept back, with the factor that is best and the error with it.
+    """
+    left = np.array([any(part in name for part in parts) for name in names])
+    model = pds.identification.HistoryRegressor().fit_tests(data.where(~left[data.curve]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pds.forces.OutsideDomainWarning)
+        curves = {one["specimen"]: one for one in report_of_history(model, data)["curves"]}
+        if parts == CASES[0]:
+            figures.save(figure_of_history(model, data), FIGURES / "histories.png")
+    branches = [f"{one.modulus:.3g} at {one.time:.3g} s" for one in model.law_.memory.branches]
+    out = [name for name, one in zip(names, left, strict=True) if one and name in curves]
+    fitted = [100 * one["relative_rms"] for name, one in curves.items() if name not in out]
+    return ", ".join(branches), fitted, {name: curves[name] for name in out}
+
 
 def kept_back(*parts: str) -> Iterator[tuple]:
-    """Fit the other curves; the errors of those fitted and of those kept back."""
-    data = pds.load_test_data(FILE, mode="uniaxial", history=True)
-    names = [one.name for one in data.tests.specimens]
-    left = np.array([any(part in name for part in parts) for name in names])
-    known = data.where(~left[data.curve])
-    model = pds.identification.HistoryRegressor().fit(
-        known.histories(), known.nominal_stress, known.weight
-    )
-    curves = report_of_history(model, data)["curves"]
-    errors = [100 * one["relative_rms"] for one in curves]
-    fitted = [error for error, out in zip(errors, left, strict=True) if not out]
-    others = [f"{n}: {e:.1f}" for n, e, out in zip(names, errors, left, strict=True) if out]
-    if parts == CASES[0]:
-        figures.save(figure_of_history(model, data), FIGURES / "histories.png")
-    branches = [f"{one.modulus:.3g} at {one.time:.3g} s" for one in model.law_.memory.branches]
-    yield ", ".join(parts), ", ".join(branches), min(fitted), max(fitted), ", ".join(others)
+    """Fit the other curves of VHB 4910; the errors of those fitted and of those kept back."""
+    branches, fitted, left = errors(*cycles("VHB 4910"), *parts)
+    others = [
+        f"{name}: {100 * one['relative_rms']:.1f}, {100 * one['scaled_rms']:.1f} with"
+        f" {one['factor']:.2f}"
+        for name, one in left.items()
+    ]
+    yield ", ".join(parts), branches, min(fitted), max(fitted), "; ".join(others)
+
+
+def by_temperature(temperature: str, rate: str) -> Iterator[tuple]:
+    """Fit the other curves of VHB 4905 of a temperature; the error of the one kept back."""
+    branches, fitted, left = errors(*cycles("VHB 4905", temperature), rate)
+    (one,) = left.values()
+    scaled = 100 * one["scaled_rms"], one["factor"]
+    yield temperature, rate, branches, max(fitted), 100 * one["relative_rms"], *scaled
+
+
+def scatter(stretch: float, rate: float) -> Iterator[tuple]:
+    """Stresses of first loading of VHB 4910 at a stretch and a rate, of each strip."""
+    data, names = cycles("VHB 4910")
+    found = []
+    for number, name in enumerate(names):
+        rows = np.flatnonzero(data.curve == number)
+        rows = rows[: data.stretches[rows, 0].argmax() + 1]
+        if name.endswith(f"at {rate}") and data.stretches[rows, 0].max() > stretch:
+            at = np.interp(stretch, data.stretches[rows, 0], data.nominal_stress[rows])
+            found.append(1000 * float(at))
+    yield stretch, rate, found, 100 * (max(found) - min(found)) / float(np.mean(found))
 
 
 if __name__ == "__main__":
     columns = "kept back", "branches (MPa)", "least: .1f", "greatest: .1f", "kept back (%)"
-    report(__doc__, of_rows("histories", kept_back, CASES, *columns))
+    titles = "temperature", "kept back", "branches (MPa)", "greatest: .1f", "kept back (%): .1f"
+    repeated = "stretch: g", "rate (1/s): g", "stresses (kPa): .1f", "spread (%): .1f"
+    report(
+        __doc__,
+        of_rows("histories", kept_back, CASES, *columns),
+        of_rows("histories-scatter", scatter, REPEATED, *repeated),
+        of_rows(
+            "histories-4905",
+            by_temperature,
+            TEMPERATURES,
+            *titles,
+            "scaled (%): .1f",
+            "factor: .2f",
+        ),
+    )

@@ -16,6 +16,7 @@ uses.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -579,6 +580,60 @@ def of_space():
         yield name, ns, ns / least["NOSB"], ns / learned
 
 
+def of_memory():
+    """Branches and softening: evaluations and steps of bodies with up to four branches, in turns on
+    one thread; medians of processor time, and what each takes of memory.
+    """
+    import tracemalloc
+
+    from pdsurrogate.engine.threads import thread_count
+    from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
+
+    memories = [Memory(tuple(Branch(1.0, 4.0**k) for k in range(n))) for n in (0, 1, 4)]
+    memories.append(Memory(softening=Softening(1.5, 0.1, 0.1)))
+    for plane, sides in (("strain", (90, 90)), ("stress", (90, 90)), ("space", (20, 20, 20))):
+        d = len(sides)
+        places = np.meshgrid(*[(np.arange(n) + 0.5) / n for n in sides], indexing="ij")
+        points = np.stack(places, axis=-1).reshape(-1, d)
+        width, reach = 1 / sides[0], 1.75 if d == 3 else 3.15
+        body = pds.Body(points, np.full(len(points), width**d), reach * width, width)
+        waves = 0.02 * np.sin(9 * points[:, ::-1])
+        first, last = (points * np.array(a)[:d] + waves for a in ([1.4, 0.9, 0.8], [1.3, 0.9, 0.9]))
+        out, forces, held = np.empty_like(points), [], []
+        for memory in memories:
+            tracemalloc.start()
+            law = NeoHookean(bulk_modulus=100.0, memory=memory)
+            force = pds.BondEnergyForce().bind(body, law, pds.ForceSettings(plane=plane))
+            held.append(tracemalloc.get_traced_memory()[0] / len(points) / 1e3)
+            tracemalloc.stop()
+            force.elapse(0.3)
+            force(first, out)
+            force.accept(first)
+            forces.append(force)
+        evaluations, steps = np.empty((2, 60, len(memories)))
+        with thread_count(1):
+            for turn, (number, force) in itertools.product(range(60), enumerate(forces)):
+                force.elapse(0.2)
+                force(last, out)
+                began = time.thread_time()
+                force(last, out)
+                evaluated = time.thread_time()
+                force.accept(last)
+                force.elapse(0.2)
+                force(last, out)
+                evaluations[turn, number] = evaluated - began
+                steps[turn, number] = time.thread_time() - evaluated
+        evaluation, step = (np.median(one, axis=0) for one in (evaluations, steps))
+        ratio = evaluation / evaluation[0]
+        yield (
+            plane,
+            1e9 * evaluation[0] / len(body.bonds.first),
+            *(ratio[1] - 1, (ratio[2] - ratio[1]) / 3, ratio[3] - 1),
+            *((step - evaluation)[1:] / evaluation[1:]),
+            *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0]),
+        )
+
+
 WAITING = {
     "two threads, default of GNU OpenMP": (2, {"GOMP_SPINCOUNT": "300000"}),
     "two threads, 1,000 loops (pdsurrogate)": (2, {"GOMP_SPINCOUNT": "1000"}),
@@ -714,6 +769,22 @@ TABLES = {
             "ns/directed bond, 1 thread: .1f",
             "cost / NOSB: .1f",
             "cost / learned Neo-Hookean in float32: .2f",
+        ),
+        of_rows(
+            "memory",
+            of_memory,
+            [()],
+            "plane",
+            "elastic (ns/pair): .1f",
+            "first branch: .2f",
+            "further branch: .2f",
+            "softening: .2f",
+            "step, 1 branch: .2f",
+            "step, 4 branches: .2f",
+            "step, softening: .2f",
+            "first branch (kB): .2f",
+            "further branch (kB): .2f",
+            "softening (kB): .2f",
         ),
         of_rows(
             "threads",

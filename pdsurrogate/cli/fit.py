@@ -24,6 +24,7 @@ from .identify import (
     Branches,
     BulkModulus,
     BulkRatio,
+    Softens,
     Terms,
     number_of_branches,
     print_break,
@@ -67,6 +68,7 @@ def fit(
         bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")
     ] = False,
     branches: Branches = None,
+    softening: Softens = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[
@@ -98,10 +100,10 @@ def fit(
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit or free or branches is not None or facts.stated():
+        if bulk or force_fit or free or softening or branches is not None or facts.stated():
             options = (
-                "--free, --branches, --bulk-modulus, --bulk-ratio, --force-fit and what is said of"
-                " tests"
+                "--free, --branches, --softening, --bulk-modulus, --bulk-ratio, --force-fit and"
+                " what is said of tests"
             )
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None
@@ -115,14 +117,15 @@ def fit(
             )
         name_of_law = None if free else law
         with Bar(f"Fitting {'an energy' if free else law} to {', '.join(data)}"):
-            rows = load_test_data(*data, history=branches is not None, **facts.stated())
-            if branches is None:
+            history = softening or branches is not None
+            rows = load_test_data(*data, history=history, **facts.stated())
+            if not history:
                 model = reporting.fitted(rows, name_of_law, terms or N_TERMS, bulk)
                 report = reporting.examined(model, rows)
                 tests = (rows, model)
             else:  # bond forces have no history: the artifact is of the elastic energy
                 number = number_of_branches(branches)
-                model = fitted_history(rows, name_of_law, number, terms or N_TERMS, bulk)
+                model = fitted_history(rows, name_of_law, number, terms or N_TERMS, softening, bulk)
                 report = report_of_history(model, rows)
                 tests = None
                 settings = settings.model_copy(update={"energy": True})

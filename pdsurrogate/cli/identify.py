@@ -7,7 +7,7 @@ from typer import Argument, Option
 
 from ..identification import TestData, figure, fitted_laws, load_test_data, reporting
 from ..identification.campaign import TestFacts
-from ..identification.history_regressor import MOST_STATED
+from ..identification.history_regressor import MOST_STATED, HistoryRegressor
 from ..identification.history_report import figure_of_history, fitted_history, report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
@@ -55,10 +55,19 @@ Branches = Annotated[
         " describe curves that are left out.",
     ),
 ]
+Softens = Annotated[
+    bool,
+    Option(
+        "--softening",
+        help="Fit softening (Mullins) to loading and unloading of new specimens as well.",
+    ),
+]
 
 
-def number_of_branches(branches: str) -> int | None:
+def number_of_branches(branches: str | None) -> int | None:
     """Return the number of branches that an option states, None for a choice of the number."""
+    if branches is None:
+        return 0
     if branches == "auto":
         return None
     if not branches.isdigit() or int(branches) > MOST_STATED:
@@ -83,6 +92,7 @@ def identify(
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     branches: Branches = None,
+    softening: Softens = False,
     hold_out: Annotated[
         bool,
         Option(
@@ -97,17 +107,21 @@ def identify(
     given.
     """
     names = law or fitted_laws()
-    rows = load_test_data(*data, history=branches is not None, **facts.stated())
+    history = softening or branches is not None
+    rows = load_test_data(*data, history=history, **facts.stated())
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
-    if branches is not None:
+    if history:
         if stretch is not None or hold_out:
-            raise ValueError("--up-to and --hold-out do not go with --branches")
+            raise ValueError("--up-to and --hold-out do not go with --branches and --softening")
         if terms is not None and law is None:
             raise ValueError("--terms needs --law ogden; without --law an energy is identified")
-        _identify_histories(rows, law or [None], branches, terms or N_TERMS, bulk, folder)
+        memory = number_of_branches(branches), terms or N_TERMS, softening, bulk
+        with Bar(rows.name):
+            fits = [fitted_history(rows, name, *memory) for name in law or [None]]
+        _report_histories(rows, fits, folder)
         return
     if stretch is not None:
         rows = rows.up_to(stretch)
@@ -142,18 +156,8 @@ def identify(
         note(f"Results in {folder}")
 
 
-def _identify_histories(
-    rows: TestData,
-    laws: list[str] | list[None],
-    branches: str,
-    n_terms: int,
-    bulk: dict,
-    folder: Path | None,
-) -> None:
-    """Fit laws with branches to tests with times, print the reports and write them."""
-    number = number_of_branches(branches)
-    with Bar(rows.name):
-        models = [fitted_history(rows, law, number, n_terms, bulk) for law in laws]
+def _report_histories(rows: TestData, models: list[HistoryRegressor], folder: Path | None) -> None:
+    """Print the reports of fits of laws with memory, and write them."""
     reports = [report_of_history(model, rows) for model in models]
     for report in reports:
         print_identified(report)

@@ -10,7 +10,7 @@ from ..artifacts.places import find_artifact
 from ..artifacts.store import called, law_of, load_card, load_surrogate
 from ..forces import EnergyNetwork, IsochoricNetwork
 from ..kernels.branches import tensors_of
-from ..kernels.selective_memory import soften
+from ..kernels.softening import soften, softening_loss
 from ..materials import InvariantLaw, Law, PrincipalStretchLaw, solid
 from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
@@ -114,8 +114,7 @@ class Source:
         if softening := law.memory.softening:
             numbers = softening.r, softening.m, softening.beta
             peak = np.maximum(np.maximum.accumulate(W), 0)
-            states = zip(W, peak, strict=True)
-            eta, W, _ = np.array([soften(*state, numbers) for state in states]).T
+            eta, W, _ = soften(W, peak, softening_loss(peak, numbers), numbers)
             energy = W + U
             stress = eta[:, None, None] * (stress - volumetric) + volumetric
         inverse = np.linalg.inv(F).swapaxes(1, 2)

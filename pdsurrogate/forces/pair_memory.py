@@ -11,8 +11,8 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
+from ..kernels.softening import soften
 from ..materials import PLANES
-from ..materials.histories import softened
 from .binding import Binding
 from .kinematics import Kinematics, matrices
 from .pair_passes import bond_gradients
@@ -58,7 +58,7 @@ class PairMemory:
         pairs = len(body.bonds.first)
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
-            np.tile(tensors.DIAGONAL, (pairs, 1)),
+            np.tile(tensors.DIAGONAL, (pairs if branches else 0, 1)),
             np.zeros(pairs if softened else 0),
             np.zeros((pairs, 2)),
         )
@@ -69,9 +69,11 @@ class PairMemory:
             if values.size
         ]
         self._dissipated = history[3]
-        numbers = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
-        rows = branches * (tensors.TENSOR + 1) + softened
-        coefficients = aligned_rows((len(part.geometry), rows, BLOCK), precision)
+        own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
+        numbers = np.zeros(len(part.forces), dtype=np.uint32)
+        numbers[: len(own)] = own
+        rows = branches * (tensors.TENSOR + 1) + 2 * softened
+        coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         for branch in range(branches):
             first = branch * (tensors.TENSOR + 1)
             coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
@@ -99,9 +101,11 @@ class PairMemory:
             volumes,
             *energy,
             numbers,
+            len(own),
             self._moduli,
             self._times,
             self._softening,
+            coefficients,
             history,
             memory,
             buffers,
@@ -160,7 +164,7 @@ class PairMemory:
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return means over the bonds of the points of the material in the state last evaluated:
         sums of M over the branches as matrices (k, 3, 3), in units of the shear modulus, and
-        factors eta (k,) of softening and stored energies (k,) of branches.
+        factors eta (k,) of softening and stored energies (k,) that memory adds, in this unit too.
         """
         part = self._part
         d = part.forces.shape[1]
@@ -177,8 +181,9 @@ class PairMemory:
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))
         if len(self._softening):
-            softening = part.points.law.memory.scaled(1 / part.unit).softening
-            eta = softened(softening, self._isochoric_energies(F, J3), rows[-1])
+            W = self._isochoric_energies(F, J3)
+            eta, _, rest = soften(W, rows[-2], rows[-1], self._softening)
+            energy = energy + rest - W
         found = self._means(np.column_stack([*total, eta, energy]), [*[0.0] * len(Cb), 1.0, 0.0])
         M = np.zeros((found.shape[1], 3, 3))
         for (r, c), values in zip(tensors.PLACES, found, strict=False):

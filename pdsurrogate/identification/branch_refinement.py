@@ -1,5 +1,5 @@
-"""Refinement of a fit of an elastic energy and of branches: all parameters at once, with free
-times.
+"""Refinement of a fit of an elastic energy, of softening and of branches: all parameters at once,
+with free times.
 """
 
 from dataclasses import replace
@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..materials import Branch, Law, Memory
+from ..materials import Branch, Law, Memory, Softening
+from .averaging import nonnegative
 from .branch_search import Curves
+from .branch_start import Problem, Start
 from .elastic_part import Elastic
 from .energy import NEGLIGIBLE
 from .regressor import DIFFERENCE, FAILED, covariance_at
@@ -27,38 +29,49 @@ branches are those of one, to a percent.
 CERTAIN = 2.0
 """Least modulus of a branch, in its standard errors, in a choice of the number of branches."""
 
+SOFTENING = {"r": (1.0, 100.0), "m": (1e-5, 1e3), "beta": (0.0, 10.0)}
+"""Bounds of the parameters of softening; those of m are in units of the greatest energy."""
+
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
 
 
 class Form(NamedTuple):
-    """Parameters of a law with memory, in their order: those of the elastic energy, the moduli of
-    branches, and their times.
+    """Parameters of a law with memory, in their order: those of the elastic energy, of softening,
+    the moduli of branches, and their times.
 
     Attributes
     ----------
     elastic : Elastic
+    softening : tuple of str
+        Parameters of softening; none without it.
     branches : int
     """
 
     elastic: Elastic
+    softening: tuple[str, ...]
     branches: int
 
     @property
     def names(self) -> list[str]:
         numbers = range(1, self.branches + 1)
         of_branches = [f"branch_{what}_{one}" for what in ("modulus", "time") for one in numbers]
-        return [*self.elastic.names, *of_branches]
+        return [*self.elastic.names, *(f"softening_{key}" for key in self.softening), *of_branches]
 
     def parts(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return parameters of the elastic energy, moduli, and times."""
-        return tuple(np.split(values, [len(self.elastic.names), len(values) - self.branches]))
+        """Return parameters of the elastic energy and of softening, moduli, and times."""
+        ends = np.cumsum([len(self.elastic.names), len(self.softening), self.branches])
+        return tuple(np.split(values, ends))
 
     def law(self, values: np.ndarray) -> Law:
         """Return the law; raise ValueError for parameters that no law has."""
-        elastic, *branches = self.parts(values)
-        kept = tuple(Branch(*map(float, one)) for one in zip(*branches, strict=True))
-        return replace(self.elastic.law(elastic), memory=Memory(kept))
+        elastic, softening, *branches = self.parts(values)
+        softens = dict(zip(self.softening, softening.tolist(), strict=True))
+        memory = Memory(
+            tuple(Branch(*map(float, one)) for one in zip(*branches, strict=True)),
+            Softening(**softens) if softens else None,
+        )
+        return replace(self.elastic.law(elastic), memory=memory)
 
 
 class Refined(NamedTuple):
@@ -77,39 +90,67 @@ class Refined(NamedTuple):
     at_bound: np.ndarray
 
 
-def refine(
-    form: Form, curves: Curves, y: np.ndarray, root: np.ndarray, start: np.ndarray
-) -> Refined:
-    """Return the parameters of a form with which it fits stresses y best, from a start; `root` are
-    the roots of the weights of rows.
+def linear(law: str, problem: Problem, start: Start, times: np.ndarray) -> tuple[Form, np.ndarray]:
+    """Return the form of a fit of a law with a start and times, without branches and terms that
+    have no share of the stresses, and its parameters.
     """
+    elastic, curves, y, root, keys = problem
+    sizes = nonnegative(np.column_stack([start.columns, curves.columns(times)]), y, root)
+    sizes, moduli = np.split(sizes, [elastic.linear])
+    shares = np.linalg.norm(root[:, None] * start.columns, axis=0) * sizes
+    kept = shares > NEGLIGIBLE * np.linalg.norm(root * y)
+    if not kept.any():
+        raise ValueError(
+            f"{law}: no part of the stresses is elastic, so that the rubber would flow;"
+            " add tests that are slower, or that are held for longer"
+        )
+    if elastic.only is not None:
+        elastic, sizes = elastic.only(kept), sizes[kept]
+    some = moduli > 0
+    form = Form(elastic, keys, int(some.sum()))
+    return form, np.concatenate(
+        [sizes, start.shape, start.softening, moduli[some], np.asarray(times)[some]]
+    )
+
+
+def restart(problem: Problem, form: Form, values: np.ndarray) -> Start:
+    """Return the start of a further fit from parameters."""
+    elastic, softening, *_ = form.parts(values)
+    shape, law = elastic[form.elastic.linear :], form.law(values)
+    factor = problem.curves.softened(law.memory.softening, problem.curves.energy(law))
+    return Start(shape, softening, factor[:, None] * problem.elastic.columns(shape))
+
+
+def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
+    """Return the parameters of a form with which it fits the stresses best, from a start."""
+    _, curves, y, root, _ = problem
     low, high, logarithmic = _search_range(form, curves, y, start)
     k, scale = form.branches, np.abs(y).max()
-    before = len(start) - 2 * k
+    before, elastic_form = len(start) - 2 * k, form._replace(branches=0)
 
     def value(x):
         return np.exp(x, out=x.copy(), where=logarithmic)
 
     def elastic(values):
         try:
-            found = curves.elastic(form.elastic.law(values[:before]))
+            found = curves.elastic(elastic_form.law(values[:before]))
         except ValueError:  # parameters between the bounds that are not those of a law
             found = np.array([np.nan])
         return found if np.isfinite(found).all() else np.full(len(y), FAILED / root)
 
     def residuals(x):
         values = value(x)
-        _, moduli, times = form.parts(values)
+        _, _, moduli, times = form.parts(values)
         return root * (elastic(values) + curves.columns(times) @ moduli - y)
 
     def jacobian(x):
         values = value(x)
-        _, moduli, times = form.parts(values)
+        _, _, moduli, times = form.parts(values)
         here = elastic(values)
         columns = []
         for place in range(before):
             # Towards the farther bound, so that the law exists.
-            size = DIFFERENCE * max(abs(x[place]), 1.0 if logarithmic[place] else scale)
+            size = DIFFERENCE * max(abs(x[place]), 0.0 if np.isinf(high[place]) else 1.0)
             moved = x.copy()
             moved[place] += size if 2 * x[place] < low[place] + high[place] else -size
             columns.append((elastic(value(moved)) - here) / (moved[place] - x[place]))
@@ -149,7 +190,14 @@ def refine(
 
 def _search_range(form: Form, curves: Curves, y: np.ndarray, start: np.ndarray):
     """Return the bounds of all parameters, and which of them are searched by their logarithm."""
-    low, high, logarithmic = form.elastic.search_range(form.parts(start)[0], np.abs(y).max())
+    elastic = form.parts(start)[0]
+    low, high, logarithmic = form.elastic.search_range(elastic, np.abs(y).max())
+    if form.softening:
+        top = curves.energy(form.elastic.law(elastic)).max()
+        scale = np.array([top if key == "m" else 1.0 for key in form.softening])
+        least, most = scale * np.array([SOFTENING[key] for key in form.softening]).T
+        low, high = np.r_[low, least], np.r_[high, most]
+        logarithmic = np.r_[logarithmic, least > 0]
     k = form.branches
     ends = [curves.grid()[0] / BEYOND, curves.grid()[-1] * BEYOND] if k else [1.0, 1.0]
     return (
@@ -164,8 +212,8 @@ def superfluous(form: Form, found: Refined, chosen: bool) -> np.ndarray:
     nearly the same time, else, if the number of branches is `chosen`, the least certain one if its
     modulus is within its error.
     """
-    _, moduli, times = form.parts(found.values)
-    errors = form.parts(np.sqrt(np.diag(found.covariance)))[1]
+    _, _, moduli, times = form.parts(found.values)
+    errors = form.parts(np.sqrt(np.diag(found.covariance)))[2]
     idle = np.flatnonzero(moduli <= NEGLIGIBLE * moduli.max(initial=0.0))
     same = np.flatnonzero(np.diff(np.log(times)) < SAME_TIME)[:1]
     vague = np.flatnonzero(chosen & np.isfinite(errors) & (moduli < CERTAIN * errors))

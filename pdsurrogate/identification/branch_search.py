@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from ..materials import Law
+from ..materials import Law, Softening
 from ..materials.histories import branch_states, isochoric, softened
 from .averaging import nonnegative
 
@@ -87,9 +87,18 @@ class Curves(NamedTuple):
         """
         logs = np.log(self.squares[self.place]) / 2
         energy, slopes = isochoric(law, logs)
-        if law.memory.softening is not None:
-            slopes *= softened(law.memory.softening, energy, self.peak(energy))[:, None]
-        return (slopes[:, 0] - slopes[:, 2]) * np.exp(-logs[:, 0])
+        stress = (slopes[:, 0] - slopes[:, 2]) * np.exp(-logs[:, 0])
+        return stress * self.softened(law.memory.softening, energy)
+
+    def energy(self, law: Law) -> np.ndarray:
+        """Return the isochoric elastic energy of a law in each row."""
+        return isochoric(law, np.log(self.squares[self.place]) / 2)[0]
+
+    def softened(self, softening: Softening | None, energy: np.ndarray) -> np.ndarray:
+        """Return the factor of softening of each row, 1 without softening, by the energies."""
+        if softening is None:
+            return np.ones(len(energy))
+        return softened(softening, energy, self.peak(energy))
 
     def stress(self, law: Law) -> np.ndarray:
         """Return the nominal stresses of a law with memory, shape (n_rows,)."""
@@ -196,6 +205,8 @@ def choose(
     learning, 2009, section 7.10). All columns and `y` are divided by the greatest stresses of the
     curves.
     """
+    if number == 0:
+        return Choice(np.empty(0), [])
     table, logs = np.column_stack([elastic, relaxing, y]), np.log(grid)
 
     def of(*parts: np.ndarray) -> Candidates:

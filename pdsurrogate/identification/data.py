@@ -121,18 +121,21 @@ class TestData:
             self.curve[rows],
         )
 
-    def histories(self) -> np.ndarray:
+    def histories(self, timed: bool = True) -> np.ndarray:
         """Return the rows as a `HistoryRegressor` takes them, shape (n, 4): stretches, time and
-        curve; raise ValueError for rows without a time, and for biaxial ones.
+        curve; raise ValueError for biaxial rows, and, if branches need times, for rows without one,
+        whose times are 0 otherwise.
         """
         if BIAXIAL in self.modes:
             raise ValueError(f"{self.name}: biaxial tests are not fitted with branches: use --law")
-        if timeless := np.flatnonzero(np.isnan(self.time)).tolist():
+        timeless = np.flatnonzero(np.isnan(self.time)).tolist()
+        if timeless and timed:
             raise ValueError(
                 f"{self.name}: {self.row_in_words(timeless[0])} has no time: branches need a column"
                 " of times, or the rate of stretch (--rate)"
             )
-        return np.column_stack([self.stretches, self.time, self.curve])
+        time = np.zeros(len(self)) if timeless else self.time
+        return np.column_stack([self.stretches, time, self.curve])
 
     def row_in_words(self, number: int) -> str:
         """Return the number in the file, mode, stretch and stress of a row as text for a

@@ -161,18 +161,19 @@ def examine(model: StressRegressor, data: TestData) -> Examination:
     test data.
     """
     scores = data.r_squared(model.predict(model.rows_of(data)))
-    # Rubber that relaxes may be pushed back in unloading.
-    pulled = data.where(_first_loading(data)) if model.over_time else data
-    refusals = [*wrong_signs(pulled), *changes_of_volume(data)]
-    remarks = suspicions(data, model.over_time)
+    # In unloading rubber that relaxes may be pushed back, and rubber that softens is softer.
+    judged = data.where(_first_loading(data)) if model.over_time else data
+    refusals = [*wrong_signs(judged), *changes_of_volume(data)]
+    remarks = suspicions(judged, model.over_time)
     poorly = []
-    form = f"{model.law} with branches" if model.over_time else model.law
     for mode, value in scores.items():
         if value < 0:
-            worse = f"{form} describes {mode} worse than the mean stress does (R^2 below 0)"
+            worse = f"{model.form} describes {mode} worse than the mean stress does (R^2 below 0)"
             refusals.append(f"{worse}: use another law, or correct the data")
         elif not value >= POOR:
-            poorly.append(f"{form} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
+            poorly.append(
+                f"{model.form} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}"
+            )
     return Examination(refusals, [*remarks, *poorly])
 
 
@@ -283,7 +284,7 @@ def suspicions(data: TestData, over_time: bool = False) -> list[str]:
             " changes, are not described"
         )
         return [*remarks, f"{together}: check that all stresses {checks}"]
-    turned = ~_first_loading(best) & (not over_time)
+    turned = ~_first_loading(best)
     return remarks + [
         f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the"
         f" other rows{', and is not of first loading' * bool(turned[row])}"
@@ -397,7 +398,7 @@ def _changes(data: TestData, columns: np.ndarray, over_time: bool) -> list[_Chan
         freely = (first[:, None] ** (powers - 1) - 1 / first[:, None]) / powers
         add("uniaxial", FOAM, data, freely)
     turned = ~_first_loading(data)
-    if turned.any() and not over_time:
+    if turned.any():
         modes = sorted({*data.mode[turned].tolist()})
         add(
             modes[0] if len(modes) == 1 else "all modes",
@@ -427,10 +428,11 @@ def _first_loading(data: TestData) -> np.ndarray:
 
 def _columns(data: TestData, over_time: bool) -> np.ndarray:
     """Return the design matrix of a linear fit: the nominal stress of each energy term of
-    `TERMS` with unit weight, at constant volume, and, `over_time`, that of branches.
+    `TERMS` with unit weight, at constant volume, and, `over_time`, that of branches, if the data
+    have times.
     """
     terms = columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
-    if not over_time:
+    if not over_time or np.isnan(data.time).any():
         return terms
     curves = Curves.of(data.histories())
     return np.column_stack([terms, curves.columns(curves.grid())])

@@ -14,11 +14,12 @@ from ..arguments import in_order
 from ..forces import OutsideDomainWarning
 from ..materials import Law
 from ..materials.memory import untested_rates
-from .averaging import nonnegative
-from .branch_refinement import Form, refine, superfluous
+from .branch_refinement import linear, refine, restart, superfluous
 from .branch_search import Curves, choose
+from .branch_start import Problem, parameters_of_softening, start_of
+from .data import TestData
 from .elastic_part import Elastic, elastic_of_law, elastic_without_law
-from .energy import NEGLIGIBLE, EnergyRegressor, half_planes, warn_of_few_modes
+from .energy import EnergyRegressor, half_planes, warn_of_few_modes
 from .regressor import N_TERMS, LawRegressor, check_fitted
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor
 
@@ -48,6 +49,10 @@ class HistoryRegressor(StressRegressor):
         Number of branches; by default chosen by cross-validation.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
+    softening : bool, default=False
+        Whether the elastic energy softens in unloading (Mullins), by the parameters of
+        `pdsurrogate.materials.Softening`; beta is 0 if all curves unload from nearly one stretch.
+        Each curve is that of a new specimen.
     bulk_ratio : float, default=1000
         K over the shear modulus in fast motions, of elastic energy and branches together.
     bulk_modulus : float, optional
@@ -58,7 +63,8 @@ class HistoryRegressor(StressRegressor):
     law_ : Law
         Law with its memory.
     parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
-        Coefficients and parameters of the elastic energy, then moduli and times of branches.
+        Coefficients and parameters of the elastic energy, those of softening, then moduli and times
+        of branches.
         Standard errors do not contain errors that rows of a curve have in common.
     cross_validation_ : list of dict
         Errors of left-out stresses by number of branches (`branch_search.Choice`).
@@ -101,12 +107,14 @@ class HistoryRegressor(StressRegressor):
         "law": [str],
         "branches": [Interval(Integral, 0, MOST_STATED, closed="both"), None],
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
+        "softening": ["boolean"],
         **BULK_CONSTRAINTS,
     }
 
     law: str = FREE
     branches: int | None = None
     n_terms: int = N_TERMS
+    softening: bool = False
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
 
@@ -114,6 +122,45 @@ class HistoryRegressor(StressRegressor):
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = False
         return tags
+
+    @property
+    def form(self) -> str:
+        """Fitted form in words.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.HistoryRegressor("gent", softening=True).form
+        'gent with branches and softening'
+        """
+        parts = ["branches"] * (self.branches != 0) + ["softening"] * self.softening
+        law = "energy without a law" if self.law == FREE else self.law
+        return f"{law} with {' and '.join(parts)}" if parts else law
+
+    def rows_of(self, data: TestData) -> np.ndarray:
+        """Return the rows of test data as `fit` and `predict` take them.
+
+        Parameters
+        ----------
+        data : TestData
+
+        Returns
+        -------
+        ndarray, shape (n_samples, 4)
+
+        Raises
+        ------
+        ValueError
+            If a row has no time, which branches need, or tests are biaxial.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar")
+        >>> pds.identification.HistoryRegressor(branches=0).rows_of(data).shape[1]
+        4
+        """
+        return data.histories(timed=self.branches != 0)
 
     def fit(self, X, y, sample_weight=None):
         """Fit elastic energy and branches to nominal stresses.
@@ -135,8 +182,8 @@ class HistoryRegressor(StressRegressor):
         Raises
         ------
         ValueError
-            If X has other columns, a stretch is not positive, times decrease or do not pass, or the
-            law is unknown or cannot be fitted.
+            If X has other columns, a stretch is not positive, times decrease or do not pass, no
+            curve unloads but softening is asked for, or the law is unknown or cannot be fitted.
 
         Examples
         --------
@@ -163,25 +210,27 @@ class HistoryRegressor(StressRegressor):
         root = np.sqrt(weight) / peak[numbers]
         if self.law == FREE:
             warn_of_few_modes(X[:, :2])
-        elastic = self._elastic(X[:, :2])
+        softening = parameters_of_softening(curves) if self.softening else ()
+        problem = Problem(self._elastic(X[:, :2]), curves, y, root, softening)
         grid = curves.grid() if self.branches != 0 else np.ones(0)
-        shape = self._shape(elastic, curves.columns(grid), y, root)
+        relaxing = curves.columns(grid)
+        start = start_of(self.law, problem, relaxing)
         chosen = choose(
-            root[:, None] * elastic.columns(shape),
+            root[:, None] * start.columns,
             grid,
-            root[:, None] * curves.columns(grid),
+            root[:, None] * relaxing,
             root * y,
             numbers,
             self.branches,
         )
         times = chosen.times
         while True:
-            form, start = self._linear(elastic, curves, y, root, shape, times)
-            found = refine(form, curves, y, root, start)
+            form, values = linear(self.law, problem, start, times)
+            found = refine(problem, form, values)
             left_out = superfluous(form, found, chosen=self.branches is None)
             if not len(left_out):
                 break
-            shape = found.values[form.elastic.linear : len(form.elastic.names)]
+            start = restart(problem, form, found.values)
             times = np.delete(form.parts(found.values)[-1], left_out)
         self.cross_validation_ = chosen.errors
         self.rates_ = rates_of(curves)
@@ -292,43 +341,6 @@ class HistoryRegressor(StressRegressor):
             return elastic_without_law(states)
         check_fitted(self.law)
         return elastic_of_law(LawRegressor(self.law, self.n_terms), states)
-
-    def _shape(self, elastic: Elastic, relaxing, y, root) -> np.ndarray:
-        """Return the shape with which the energy and all branches describe y best."""
-        best, least = None, np.inf
-        for shape in elastic.shapes:
-            try:
-                columns = np.column_stack([elastic.columns(shape), relaxing])
-            except ValueError:  # parameters between the bounds that are not those of a law
-                continue
-            if not np.isfinite(columns).all():
-                continue
-            error = np.linalg.norm(root * (columns @ nonnegative(columns, y, root) - y))
-            if error < least:
-                best, least = np.array(shape), error
-        if best is None:
-            raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretches")
-        return best
-
-    def _linear(self, elastic: Elastic, curves: Curves, y, root, shape, times):
-        """Return the form of a fit with a shape and times, without branches and terms that have no
-        share of the stresses, and its parameters.
-        """
-        own, relaxing = elastic.columns(shape), curves.columns(times)
-        sizes = nonnegative(np.column_stack([own, relaxing]), y, root)
-        shares = np.linalg.norm(root[:, None] * own, axis=0) * sizes[: elastic.linear]
-        kept = shares > NEGLIGIBLE * np.linalg.norm(root * y)
-        if not kept.any():
-            raise ValueError(
-                f"{self.law}: no part of the stresses is elastic, so that the rubber would flow;"
-                " add tests that are slower, or that are held for longer"
-            )
-        linear, moduli = np.split(sizes, [elastic.linear])
-        if elastic.only is not None:
-            elastic, linear = elastic.only(kept), linear[kept]
-        some = moduli > 0
-        form = Form(elastic, int(some.sum()))
-        return form, np.concatenate([linear, shape, moduli[some], np.asarray(times)[some]])
 
 
 def rates_of(curves: Curves) -> tuple[float, float] | None:

@@ -12,27 +12,37 @@ from .reporting import differences, facts_of_tests, judged, parameters_of
 
 
 def fitted_history(
-    data: TestData, law: str | None, branches: int | None, n_terms: int, bulk: dict[str, float]
+    data: TestData,
+    law: str | None,
+    branches: int | None,
+    n_terms: int,
+    softening: bool,
+    bulk: dict[str, float],
 ) -> HistoryRegressor:
-    """Fit a law (Ogden's with `n_terms` terms), or an energy without one, and branches to test
-    data; `branches` is None for a choice by cross-validation.
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without one, with branches and
+    softening to test data; `branches` is None for a choice by cross-validation.
     """
-    return HistoryRegressor(law or FREE, branches, n_terms, **bulk).fit_tests(data)
+    return HistoryRegressor(law or FREE, branches, n_terms, softening, **bulk).fit_tests(data)
 
 
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
     """Return a report of a fit of branches as plain values.
 
-    ``curves`` has the RMS error of each specimen relative to its greatest stress, ``rates`` the
-    least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out by
-    number of branches.
+    ``curves`` has the RMS error of each specimen relative to its greatest stress, the factor of the
+    fit's stresses that describes the specimen best, and the error that is left with it; ``rates``
+    are the least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out
+    by number of branches.
     """
-    predicted = model.predict(data.histories())
-    form = "energy without a law" if model.law == FREE else model.law
+    predicted = model.predict(model.rows_of(data))
     curves = []
     for number in np.unique(data.curve):
         rows = data.curve == number
-        off = predicted[rows] - data.nominal_stress[rows]
+        fit, stress = predicted[rows], data.nominal_stress[rows]
+        factor = float(fit @ stress / (fit @ fit))
+        rms, scaled = (
+            float(np.sqrt(((one - stress) ** 2).mean()) / np.abs(stress).max())
+            for one in (fit, factor * fit)
+        )
         curves.append(
             {
                 "specimen": data.tests.specimens[number].name if data.tests else str(number),
@@ -40,19 +50,24 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
                 "rows": int(rows.sum()),
                 "duration": float(np.ptp(data.time[rows])),
                 "greatest_stretch": float(data.stretches[rows, 0].max()),
-                "relative_rms": float(
-                    np.sqrt((off**2).mean()) / np.abs(data.nominal_stress[rows]).max()
-                ),
+                "relative_rms": rms,
+                "factor": factor,
+                "scaled_rms": scaled,
             }
         )
-    judgement = judged(model, data, form)
-    if not model.law_.memory:
+    judgement = judged(model, data, model.form)
+    if model.softening and model.law_.memory.softening.beta == 0:
         judgement["remarks"].append(
-            f"{form}: the data show no relaxation beyond their errors, so that there are no"
+            f"{model.form}: all curves unload from nearly one stretch, so that beta of softening"
+            " is not told from m, and is 0; unload from others too"
+        )
+    if model.branches is None and not model.law_.memory.branches:
+        judgement["remarks"].append(
+            f"{model.form}: the data show no relaxation beyond their errors, so that there are no"
             " branches; --branches 1 asks for one"
         )
     return {
-        "form": f"{form} with branches",
+        "form": model.form,
         "data": data.name,
         "rows": len(data),
         **parameters_of(model),
@@ -71,7 +86,7 @@ def figure_of_history(model: HistoryRegressor, data: TestData) -> Figure:
     """Return a figure with a panel for each mode of loading: the stresses of each curve, and lines
     of the fit.
     """
-    predicted = model.predict(data.histories())
+    predicted = model.predict(model.rows_of(data))
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(3.4 * len(data.modes), 2.9), layout="constrained")
         axes = drawn.subplots(1, len(data.modes), squeeze=False)[0]

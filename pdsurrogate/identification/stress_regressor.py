@@ -209,7 +209,19 @@ class StressRegressor(LawEstimator):
     columns = ("stretch", "lateral_stretch")
 
     over_time: ClassVar[bool] = False
-    """Whether the stresses depend on the history of the stretches."""
+    """Whether the stresses depend on the order of the rows: on earlier stretches."""
+
+    @property
+    def form(self) -> str:
+        """Fitted form in words: the name of the law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor("gent").form
+        'gent'
+        """
+        return self.law
 
     def rows_of(self, data: TestData) -> np.ndarray:
         """Return the rows of test data as `fit` and `predict` take them.
@@ -228,7 +240,7 @@ class StressRegressor(LawEstimator):
         >>> pds.identification.LawRegressor().rows_of(pds.load_test_data("treloar")).shape[1]
         2
         """
-        return data.histories() if self.over_time else data.stretches
+        return data.stretches
 
     def fit_tests(self, data: TestData) -> Self:
         """Fit to test data, with modes of loading weighted by their scatter, or, over time, with

@@ -18,6 +18,7 @@ arrays from Python, and are inlined into their callers.
 from functools import cache
 from types import ModuleType
 
+from ..engine import vector_loads
 from ..engine.compile import inlined
 from .algebra import entries, scalar, total
 from .elementary import exponential, inverse_cube_root, like, select
@@ -135,10 +136,10 @@ def _components(d):
         "TENSOR": len(kept),
         "PLACES": kept,
         "DIAGONAL": tuple(float(r == c) for r, c in kept),
-        # The tensors in rows of a block, in the precision of x, and in rows of records.
+        # The tensors in rows of a block, in the precision of x, and in listed records.
         "tensor_at": entries("rows, k", [f"rows[{n}, k]" for n in numbers]),
         "tensor_in": entries("rows, at, k, x", [f"like(x, rows[at + {n}, k])" for n in numbers]),
-        "tensor_of": entries("records, k, at", [f"records[k, at + {n}]" for n in numbers]),
+        "take_listed": vector_loads.take_listed(len(kept)),
         "scaled": entries("factor, A", [f"factor * A[{n}]" for n in numbers]),
         # A + factor G, and A : G.
         "combined": entries("A, factor, G", [f"A[{n}] + factor * G[{n}]" for n in numbers]),

@@ -17,6 +17,7 @@ from ..engine.compile import INLINE_OPTIONS, inlined
 from ..engine.intrinsics import finite_quotient
 from .elementary_in_numpy import (
     chain_energy,
+    error_function,
     exponential,
     inverse_cube_root,
     inverse_langevin,
@@ -24,12 +25,14 @@ from .elementary_in_numpy import (
     langevin,
     like,
     logarithm,
+    polynomial,
     quotient,
+    scaled_complement,
     select,
 )
 
 # Expressions of the functions above are compiled as they are.
-for _function in (langevin, inverse_langevin, chain_energy):
+for _function in (langevin, inverse_langevin, chain_energy, scaled_complement, error_function):
     inlined(_function)
 
 
@@ -98,14 +101,8 @@ def _inverse_square_root(x):
 
 
 def _polynomial(coefficients, real):
-    """Return the function that evaluates a polynomial in precision `real` by Horner's rule;
-    `coefficients` begin with the constant term.
-    """
-    names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
-    *others, nested = names
-    for name in reversed(others):
-        nested = f"{name} + x * ({nested})"
-    return inlined(eval(f"lambda x: {nested}", names))
+    """Return the compiled function of a polynomial, see `polynomial`."""
+    return inlined(polynomial(coefficients, real))
 
 
 @overload(logarithm, jit_options=INLINE_OPTIONS)

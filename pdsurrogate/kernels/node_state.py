@@ -48,6 +48,17 @@ def deformation_gradients(algebra):
     return deformation_gradients
 
 
+@inlined
+def limited_step(step, residual, slope, J3):
+    """Return the decrease of J3 that replaces a step where it would leave the range of the law."""
+    # For a negative slope or a large step J3 is halved or doubled, which keeps it positive from any
+    # start.
+    step = step if slope > 0.0 else np.copysign(J3, residual)
+    step = min(max(step, -J3), 0.5 * J3)
+    # NaN: the chains of the law are overstretched at this J3, which a larger volume may relieve.
+    return step if residual == residual else -SWELLING * J3
+
+
 @inline
 def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
     """Solve P33 = 0 for the volume ratio J3 by Newton's method, in place in ``states[2]``, for the
@@ -63,53 +74,29 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
     """
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
-        if step_volume_ratios(n, states, result, last, last_step) < 0.0:
+        beyond = -np.inf
+        for k in range(n):
+            J3 = states[2, k]
+            step = result[2, k] / result[3, k]
+            step = limited_step(step, result[2, k], result[3, k], J3)
+            left = abs(step) - last_step * J3
+            last[k] = step if left < 0.0 else 0.0
+            states[2, k] = J3 - (0.0 if left < 0.0 else step)
+            beyond = max(beyond, left)
+        if beyond < 0.0:
             break
-    return end_volume_ratios(n, states, result, last)
-
-
-@inline
-def step_volume_ratios(n, states, result, last, last_step):
-    """Take a Newton step of `solve_volume_ratios` from the residuals and slopes in ``result[2:4]``;
-    it ends if the return value is negative.
-    """
-    beyond = -np.inf
-    for k in range(n):
-        J3 = states[2, k]
-        step = result[2, k] / result[3, k]
-        # For a negative slope or a large step J3 is halved or doubled, which keeps it positive
-        # from any start.
-        step = step if result[3, k] > 0.0 else np.copysign(J3, result[2, k])
-        step = min(max(step, -J3), 0.5 * J3)
-        # NaN: the chains of the law are overstretched at this J3, which a larger volume may
-        # relieve.
-        step = step if result[2, k] == result[2, k] else -SWELLING * J3
-        left = abs(step) - last_step * J3
-        last[k] = step if left < 0.0 else 0.0
-        states[2, k] = J3 - (0.0 if left < 0.0 else step)
-        beyond = max(beyond, left)
-    return beyond
-
-
-@inline
-def end_volume_ratios(n, states, result, last):
-    """Take the last steps of `solve_volume_ratios`; return the number of states without a
-    solution.
-    """
-    unsolved = 0
     for k in range(n):
         states[2, k] -= last[k]
+    unsolved = 0
     for k in range(n):
-        unsolved += 0 if is_solved(states, result, k) else 1
+        # NaN fails both comparisons.
+        solved = (
+            states[0, k] < np.inf
+            and abs(result[2, k]) <= 1e-5 * result[3, k]
+            and states[1, k] > 0.0
+        )
+        unsolved += 0 if solved else 1
     return unsolved
-
-
-@inlined
-def is_solved(states, result, k):
-    """Return whether P33 vanished before the last step; NaN is no solution."""
-    return (
-        (states[0, k] < np.inf) & (abs(result[2, k]) <= 1e-5 * result[3, k]) & (states[1, k] > 0.0)
-    )
 
 
 @inlined

@@ -5,17 +5,15 @@ Trials read the coefficients of their steps, which `begin_steps` computes from t
 a step in time, and `accept_steps` adds an accepted state to the history.
 """
 
-import math
-
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
-from ..engine.compile import inlined, widest_vectors
+from ..engine.compile import widest_vectors
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import fetch
 from .algebra import ByDimension
 from .branches import tensors_of
-from .elementary import like
+from .elementary import inverse_cube_root, like
 from .selective_energy import (
     RESULT_ROWS,
     STATE_ROWS,
@@ -25,50 +23,14 @@ from .selective_energy import (
     parts_of_stress,
     pressure_of,
 )
-
-AT_REST = 1 / math.sqrt(math.pi)
-"""Value of `_integrated` at 0."""
-
-LEAST = 1e-300
-"""Least scale of softening, by which a difference of zero is divided at rest if m = 0."""
+from .softening import soften, softening_loss
 
 
 def memory_rows(dimension: int) -> int:
-    """Return the number of rows of a thread's buffer for a pass with memory: Cb, the sums of M and
-    of W_step over the branches, and J^(-2/3), after those of `selective_energy`.
+    """Return the number of rows of a thread's buffer for a pass with memory: Cb, the sum of M over
+    the branches, J^(-1/3), and a row of softening, after those of `selective_energy`.
     """
     return buffer_rows(dimension) + 2 * tensors_of(dimension).TENSOR + 2
-
-
-@inlined
-def _integrated(z):
-    """Return the integral of erf from 0 to z, plus `AT_REST`."""
-    return z * math.erf(z) + math.exp(-z * z) * AT_REST
-
-
-@inlined
-def softening_loss(greatest, softening):
-    """Return the energy that softening (r, m, beta) has dissipated once the greatest energy was
-    `greatest`.
-    """
-    scale = max(softening[1] + softening[2] * greatest, LEAST)
-    return scale / softening[0] * (_integrated(greatest / scale) - AT_REST)
-
-
-@inlined
-def soften(energy, greatest, softening):
-    """Return the factor eta at an energy W, its integral over W at the greatest energy before, and
-    the stored energy.
-
-    Beyond the greatest energy before, the integral is W plus a constant, a potential of the step;
-    the energy stored is then less.
-    """
-    scale = max(softening[1] + softening[2] * greatest, LEAST)
-    below = max(greatest - energy, 0.0) / scale
-    regained = scale / softening[0] * (_integrated(below) - AT_REST)
-    potential = energy - softening_loss(greatest, softening) + regained
-    stored = energy - softening_loss(energy, softening) if energy > greatest else potential
-    return 1.0 - math.erf(below) / softening[0], potential, stored
 
 
 @ByDimension
@@ -81,38 +43,40 @@ def begin_steps(algebra):
     def begin_steps(
         chunk, elapsed, unit, pairs, times, softening, greatest_b, history, buffers, coefficients
     ):
-        """Write (B, b) of every branch and, with softening, the greatest energy of every pair to
-        `coefficients` (n_blocks, rows, BLOCK).
+        """Write (B, b) of every branch and, with softening, the greatest energy of every pair and
+        what it has dissipated to `coefficients` (n_blocks, rows, BLOCK).
 
-        `pairs` are the numbers of the pairs in the `history`: C_k of the branches, Cb, the greatest
-        energies, and dissipated energies, which are not read. `greatest_b` bounds b, and energies
-        of the history are divided by `unit`.
+        `pairs` are the numbers of the pairs in the `history`, C_k of the branches, Cb, the greatest
+        energies, and dissipated energies, which are not read; they fill blocks, to which any number
+        may be added. `greatest_b` bounds b, and energies of the history are divided by `unit`.
         """
         states, strains, greatest, _ = history
         widest_vectors()
         C_k = block_rows(buffers[chunk.thread])
         Cb = rows_from(C_k, tensor)
-        count = pairs.shape[0]
         for block in share_of(coefficients.shape[0], chunk):
             at = block * BLOCK
-            size = min(BLOCK, count - at)
             into = block_rows(coefficients[block])
-            for k in range(size):
-                put_column(Cb, k, tensors.tensor_of(strains, pairs[at + k], 0))
+            if times.shape[0] > 0:
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(strains, tensor, pairs, at + k, 0, Cb, k)
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
-                for k in range(size):
-                    put_column(C_k, k, tensors.tensor_of(states, pairs[at + k], branch * tensor))
+                place = branch * tensor
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(states, states.shape[1], pairs, at + k, place, C_k, k)
                 found = rows_from(into, branch * (tensor + 1))
-                for k in range(size):
+                for k in range(BLOCK):
                     B, b = tensors.begin_step(
                         tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), h
                     )
                     put_column(found, k, (*B, min(b, greatest_b)))
             if softening.shape[0] > 0:
-                last = coefficients.shape[1] - 1
-                for k in range(size):
-                    into[last, k] = greatest[pairs[at + k]] / unit
+                known = rows_from(into, times.shape[0] * (tensor + 1))
+                for k in range(BLOCK):
+                    known[0, k] = greatest[pairs[at + k]] / unit
+                for k in range(BLOCK):
+                    known[1, k] = softening_loss(known[0, k], softening)
 
     return begin_steps
 
@@ -133,6 +97,7 @@ def pair_energies(algebra):
     volume = dimension + 1
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
+    fetch_steps = fetch(4 * (tensor + 1))
     fetch_force = fetch(4 * dimension, to_write=True)
     fetch_moment = fetch(4 * matrix, to_write=True)
 
@@ -188,10 +153,10 @@ def pair_energies(algebra):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, one))
-                C = tensors.green(F, one)
-                Cb = tensors.isochoric(C, algebra.determinant(F))
+                r = inverse_cube_root(algebra.determinant(F))
+                Cb = tensors.scaled(r * r, tensors.green(F, one))
                 put_column(strains, k, Cb)
-                put_column(added, k, (*tensors.scaled(zero, Cb), zero, Cb[0] / C[0]))
+                put_column(added, k, (*tensors.scaled(zero, Cb), r))
             evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their rows are reused for pressures and stored
             # energies.
@@ -199,27 +164,30 @@ def pair_energies(algebra):
                 bonds[0, k] = pressure_of(share, pressures, ends, at, k)
                 bonds[1, k] = result[3, k]
             if softening.shape[0] > 0:
-                greatest = rows_from(steps, coefficients.shape[1] - 1)
+                known = rows_from(steps, moduli.shape[0] * (tensor + 1))
                 for k in range(BLOCK):
                     eta, potential, rest = soften(
-                        np.float64(result[3, k]), np.float64(greatest[0, k]), softening
+                        np.float64(result[3, k]), known[0, k], known[1, k], softening
                     )
                     for row in range(3):
                         result[row, k] *= eta
                     result[3, k] = potential
                     bonds[1, k] = rest
+            total = 0.0
+            kept = 0.0
             for branch in range(moduli.shape[0]):
                 step = rows_from(steps, branch * (tensor + 1))
                 weight = like(one, moduli[branch])
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
                     M, gained = tensors.take_step(
-                        tensors.tensor_at(step, k), step[tensor, k], Cb, tensors.cofactor_of(Cb)
+                        tensors.tensor_in(step, 0, k, one),
+                        like(one, step[tensor, k]),
+                        Cb,
+                        tensors.cofactor_of(Cb),
                     )
-                    summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
-                    put_column(added, k, (*summed, added[tensor, k] + weight * gained))
-            total = 0.0
-            kept = 0.0
+                    put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
+                    total += reference[counted, k] * (weight * gained)
             for k in range(BLOCK):
                 F = algebra.matrix_column_at(sums, k)
                 V = like(F[0], reference[volume, k])
@@ -230,13 +198,14 @@ def pair_energies(algebra):
                 cofactor = algebra.cofactor(F)
                 P = algebra.first_piola(F, state, found, V)
                 # Branches: J^(-2/3) F (M - (M : C)/3 C^-1).
+                r = added[tensor, k]
+                drive = V * (r * r)
                 P = algebra.plus_matrix(
-                    P,
-                    algebra.times_matrix(V * added[tensor + 1, k], tensors.gradient_times(F, M)),
+                    P, algebra.times_matrix(drive, tensors.gradient_times(F, M))
                 )
-                q = bonds[0, k] - V * mean * third / algebra.determinant(F)
+                q = bonds[0, k] - drive * r * mean * third
                 P = algebra.plus_matrix(P, algebra.times_matrix(q, cofactor))
-                total += reference[counted, k] * (result[3, k] + added[tensor, k])
+                total += reference[counted, k] * result[3, k]
                 kept += reference[counted, k] * (bonds[1, k] + 0.5 * (mean - 3.0 * modulus))
                 put_parts(bonds, sums, reference, k, P)
             for k in range(0, BLOCK, 4):
@@ -244,6 +213,9 @@ def pair_energies(algebra):
                 algebra.put_matrices(sums, k, moments, at + k)
                 fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
                 fetch_shares(shares, (at + BLOCK + k) * 2)
+                for branch in range(moduli.shape[0]):
+                    row = (block + 1) * coefficients.shape[1] + branch * (tensor + 1)
+                    fetch_steps(coefficients, row * BLOCK + k * (tensor + 1))
             energies[block] = total
             stored[block] = kept
 
@@ -276,15 +248,18 @@ def accept_steps(algebra):
         energy,
         constants,
         pairs,
+        count,
         moduli,
         times,
         softening,
+        coefficients,
         history,
         memory,
         buffers,
     ):
         """Bring the `history`, see `begin_steps`, to the state at these positions, a time `elapsed`
-        after the last one.
+        after the last one, for which `begin_steps` has computed the `coefficients`; the first
+        `count` of the `pairs` are brought there.
 
         `volumes` are the volume ratios of the pairs of a sheet under plane stress, else empty.
         Dissipated energies of branches and of softening are added, and are in units in which
@@ -300,12 +275,13 @@ def accept_steps(algebra):
         C_k = rows_from(before, tensor)
         states = rows_from(block_rows(memory[chunk.thread]), state_rows)
         result = rows_from(states, STATE_ROWS)
-        count = pairs.shape[0]
+        width = all_states.shape[1]
         free = volumes.shape[0] > 0
         for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
             size = min(BLOCK, count - at)
             reference = block_rows(geometry[block])
+            steps = block_rows(coefficients[block])
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
             if softening.shape[0] > 0:
@@ -316,36 +292,41 @@ def accept_steps(algebra):
                     for k in range(BLOCK):
                         states[2, k] = volumes[at + k]
                 evaluate_isochoric_energy(energy, constants, states, result)
+                known = rows_from(steps, times.shape[0] * (tensor + 1))
+                for k in range(BLOCK):
+                    new = max(known[0, k], np.float64(result[3, k]))
+                    strains[0, k] = new
+                    strains[1, k] = softening_loss(new, softening) - known[1, k]
                 for k in range(size):
                     pair = pairs[at + k]
-                    old = all_greatest[pair] / unit
-                    new = max(old, np.float64(result[3, k]))
-                    lost = softening_loss(new, softening) - softening_loss(old, softening)
-                    dissipated[pair, 1] += unit * reference[volume, k] * lost
-                    all_greatest[pair] = unit * new
+                    if strains[0, k] > known[0, k]:
+                        all_greatest[pair] = unit * strains[0, k]
+                    dissipated[pair, 1] += unit * reference[volume, k] * strains[1, k]
+            if times.shape[0] == 0:
+                continue
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 J = algebra.determinant(F)
                 J3 = volumes[at + k] if free else J
                 Cb = tensors.isochoric(tensors.green(F, (J3 / J) * (J3 / J)), J3)
                 put_column(strains, k, (*Cb, 0.0))
+            for k in range(0, BLOCK, 4):
+                tensors.take_listed(all_strains, tensor, pairs, at + k, 0, before, k)
             for k in range(size):
-                put_column(before, k, tensors.tensor_of(all_strains, pairs[at + k], 0))
                 for n in range(tensor):
                     all_strains[pairs[at + k], n] = strains[n, k]
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
                 place = branch * tensor
-                for k in range(size):
-                    put_column(C_k, k, tensors.tensor_of(all_states, pairs[at + k], place))
+                step = rows_from(steps, branch * (tensor + 1))
+                for k in range(0, BLOCK, 4):
+                    tensors.take_listed(all_states, width, pairs, at + k, place, C_k, k)
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
-                    old = tensors.tensor_at(before, k)
                     begun = tensors.tensor_at(C_k, k)
-                    B, b = tensors.begin_step(begun, old, h)
-                    ended = tensors.end_step(B, b, Cb)
+                    ended = tensors.end_step(tensors.tensor_at(step, k), step[tensor, k], Cb)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
-                        old, begun, Cb, ended, h
+                        tensors.tensor_at(before, k), begun, Cb, ended, h
                     )
                     put_column(C_k, k, ended)
                 for k in range(size):

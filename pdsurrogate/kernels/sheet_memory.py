@@ -5,8 +5,6 @@ at which the energy of the step is least, and forces are the derivatives at this
 double precision, whatever the precision of the forces.
 """
 
-import math
-
 import numpy as np
 
 from ..engine.block_arrays import (
@@ -19,18 +17,20 @@ from ..engine.block_arrays import (
 )
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import fetch
 from .algebra import algebra_of
 from .bond_energy import COLLAPSED
 from .branches import tensors_of
-from .elementary import exponential, inverse_cube_root
-from .node_state import MOST_ITERATIONS, end_volume_ratios, is_solved, step_volume_ratios
+from .elementary import inverse_cube_root
+from .node_state import MOST_ITERATIONS, limited_step
 from .selective_energy import gradient_of_bond, parts_of_stress
-from .selective_memory import LEAST, soften
+from .softening import soften, softening_factor
 
 plane = algebra_of(2)
 tensors = tensors_of(2)
 of_bond = gradient_of_bond(plane)
 put_parts = parts_of_stress(plane)
+fetch_steps = fetch(4 * (tensors.TENSOR + 1))
 
 TENSOR = tensors.TENSOR
 STATES = plane.MATRIX + plane.DIMENSION
@@ -39,18 +39,20 @@ ISOCHORIC = RESULT + 5
 STRAINS = ISOCHORIC + 5
 ADDED = STRAINS + TENSOR
 KNOWN = ADDED + TENSOR + 2
-BUFFER_ROWS = KNOWN + 6
+BUFFER_ROWS = KNOWN + 5
 """First rows of the parts of a thread's buffer, and its number of rows. Gradients and bond vectors
-begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, what
-branches add, and derivatives of their energy at a J3 nearby follow.
+begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, and what
+branches add follow. The last rows are residual, inverse slope and J3 of the iteration before, 1
+once J3 is found, and 1/J^2.
 """
 
 LAST_STEP = 1e-7
 """Greatest last relative step of J3: the error is about its square."""
 
-NEAR = math.sqrt(LAST_STEP)
-"""Greatest relative change of J3 over which the stress of branches across the sheet is known from
-its derivatives at the J3 before: it is smaller by mu/K than the volumetric part.
+ERROR = 1e-11
+"""Relative error of J3, estimated from the last two terms of an interpolation, at which the search
+ends. Chosen: forces have about the error of this times the shear modulus, and sums of forces in
+double precision round no less in a body of some 10^4 points.
 """
 
 
@@ -76,12 +78,47 @@ def across_of_step(B, b, C, area, factors):
 
 
 @inlined
-def softening_factor(energy, greatest, softening):
-    """Return the factor eta of softening at an energy W, and its derivative by W."""
-    scale = max(softening[1] + softening[2] * greatest, LEAST)
-    below = max(greatest - energy, 0.0) / scale
-    slope = 2.0 / math.sqrt(math.pi) / (softening[0] * scale) * exponential(-below * below)
-    return 1.0 - math.erf(below) / softening[0], slope if below > 0.0 else 0.0
+def end_of_step(B, b, C, area, factors):
+    """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1, with the
+    arguments of `across_of_step`.
+    """
+    s, z = factors
+    linear = s * (B[2] * C[0] - 2.0 * B[1] * C[1] + B[0] * C[2] + b * s * area)
+    begun = B[0] * B[2] - B[1] * B[1]
+    within = begun + b * linear
+    across = B[3] + b * z
+    r = inverse_cube_root(within * across)
+    root = within * across * r * r
+    # (det(B + b Cb) - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
+    change = begun * z + across * linear
+    A = tensors.combined(B, b * s, C)
+    plane_part = r * r * across
+    M = plane_part * A[2], -plane_part * A[1], plane_part * A[0], r * r * within
+    return M, 1.5 * (change / (root * root + root + 1.0) - 1.0)
+
+
+@inlined
+def interpolated_step(residual, slope, J3, before):
+    """Return the step by which J3 must decrease, 1/slope, and an estimate of the relative error of
+    J3 after it.
+
+    `before` are residual, 1/slope and J3 of the iteration before. Once the residual has fallen by
+    half, the step comes from the cubic of J3 by the residual that has both values and slopes, and
+    its error is of fourth order; else it is Newton's, of infinite error.
+    """
+    inverse = 1.0 / slope
+    over = 1.0 / (residual - before[0])
+    chord = (J3 - before[2]) * over
+    second = (inverse - chord) * over
+    third = (second - (chord - before[1]) * over) * over
+    second = second * residual * residual
+    third = third * residual * residual * before[0]
+    falls = (abs(residual) < 0.5 * abs(before[0])) & (slope > 0.0)
+    step = residual * inverse
+    step = step - second + third if falls else step
+    moves = (1.0 - before[2] / J3) * (step / J3)
+    error = 4.0 * moves * moves + abs(third * third / (second * J3))
+    return step, inverse, error if falls else np.inf
 
 
 @inline
@@ -101,6 +138,7 @@ def find_states(sums, reference, law, memory, steps):
     known = rows_from(sums, KNOWN)
     response, isochoric, parameters = law
     moduli, softening, _ = memory
+    kinked = softening.shape[0] > 0
     for k in range(BLOCK):
         F = of_bond(sums, bonds, reference, k)
         state = plane.response_state(F, 1.0)
@@ -108,10 +146,10 @@ def find_states(sums, reference, law, memory, steps):
         put_column(sums, k, F)
         put_column(states, k, state)
         put_column(strains, k, (C[0], C[1], C[2], state[1] * state[1]))
-        put_column(known, k, (0.0, 0.0, 0.0, 0.0, 0.0, 1.0 / (state[1] * state[1])))
+        put_column(known, k, (0.0, 0.0, 0.0, 0.0, 1.0 / strains[3, k]))
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
-        if softening.shape[0] > 0:
+        if kinked:
             greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
@@ -120,50 +158,47 @@ def find_states(sums, reference, law, memory, steps):
                 result[2, k] += (eta - 1.0) * across
                 result[3, k] += (eta - 1.0) * part[4, k] + slope * across * across / states[2, k]
         if moduli.shape[0] > 0:
-            far = -1.0
             for k in range(BLOCK):
-                far = max(far, abs(states[2, k] - known[2, k]) - NEAR * states[2, k])
-            if far > 0.0:
+                J3 = states[2, k]
+                r = inverse_cube_root(J3)
+                s = r * r
+                put_column(added, k, (s, s * J3 * J3 * known[4, k], 0.0, 0.0, r * s))
+            for branch in range(moduli.shape[0]):
+                step = rows_from(steps, branch * (TENSOR + 1))
+                weight = moduli[branch]
                 for k in range(BLOCK):
-                    J3 = states[2, k]
-                    r = inverse_cube_root(J3)
-                    s = r * r
-                    put_column(added, k, (s, s * J3 * J3 * known[5, k], 0.0, 0.0, r * s))
-                for branch in range(moduli.shape[0]):
-                    step = rows_from(steps, branch * (TENSOR + 1))
-                    weight = moduli[branch]
-                    for k in range(BLOCK):
-                        first, second = across_of_step(
-                            tensors.tensor_at(step, k),
-                            step[TENSOR, k],
-                            tensors.tensor_at(strains, k),
-                            strains[3, k],
-                            (added[0, k], added[1, k]),
-                        )
-                        added[2, k] += weight * first
-                        added[3, k] += weight * second
-                for k in range(BLOCK):
-                    J3 = states[2, k]
-                    change = J3 - known[2, k]
-                    third = (added[3, k] - known[1, k]) * (J3 / change)
-                    third = third if known[2, k] > 0.0 else 0.0
-                    near = abs(change) <= NEAR * J3
-                    known[0, k] = known[0, k] if near else added[2, k]
-                    known[1, k] = known[1, k] if near else added[3, k]
-                    known[2, k] = known[2, k] if near else J3
-                    known[3, k] = known[3, k] if near else third
-                    known[4, k] = known[4, k] if near else added[4, k]
+                    first, second = across_of_step(
+                        tensors.tensor_at(step, k),
+                        step[TENSOR, k],
+                        tensors.tensor_at(strains, k),
+                        strains[3, k],
+                        (added[0, k], added[1, k]),
+                    )
+                    added[2, k] += weight * first
+                    added[3, k] += weight * second
             for k in range(BLOCK):
-                x = (states[2, k] - known[2, k]) * known[4, k]
-                x = x - 0.5 * x * x
-                second = known[1, k] + x * known[3, k]
-                result[2, k] += known[0, k] + 0.5 * x * (known[1, k] + second)
-                result[3, k] += second * known[4, k]
-        if step_volume_ratios(BLOCK, states, result, added[0], LAST_STEP) < 0.0:
+                result[2, k] += added[2, k]
+                result[3, k] += added[3, k] * added[4, k]
+        unsettled = 0.0
+        for k in range(BLOCK):
+            residual, slope, J3 = result[2, k], result[3, k], states[2, k]
+            before = known[0, k], known[1, k], known[2, k]
+            step, inverse, error = interpolated_step(residual, slope, J3, before)
+            if kinked:
+                step = residual * inverse
+                error = np.inf
+            found = known[3, k]
+            settled = (error <= ERROR) | ((abs(step) <= LAST_STEP * J3) & (slope > 0.0))
+            settled = 1.0 if settled else found
+            put_column(known, k, (residual, inverse, J3, settled))
+            # A settled pair stays as it is while others of its block go on.
+            states[2, k] -= 0.0 if found > 0.0 else limited_step(step, residual, slope, J3)
+            unsettled += 1.0 - settled
+        if unsettled == 0.0:
             break
-    end_volume_ratios(BLOCK, states, result, added[0])
     for k in range(BLOCK):
-        states[2, k] = states[2, k] if is_solved(states, result, k) else np.nan
+        solved = (known[3, k] > 0.0) & (states[1, k] > 0.0)
+        states[2, k] = states[2, k] if solved else np.nan
 
 
 @Pass
@@ -242,11 +277,9 @@ def pair_energies(
         few = 0.0
         for k in range(BLOCK):
             J3 = states[2, k]
-            C = strains[0, k], strains[1, k], strains[2, k], J3 * J3 * known[5, k]
             r = inverse_cube_root(J3)
-            Cb = tensors.scaled(r * r, C)
-            put_column(strains, k, Cb)
-            put_column(added, k, (*tensors.scaled(0.0, Cb), 0.0, r * r))
+            s = r * r
+            put_column(added, k, (0.0, 0.0, 0.0, 0.0, s, s * J3 * J3 * known[4, k]))
             # NaN is counted, too.
             few += 0.0 if states[1, k] > COLLAPSED else 1.0
         if few > 0.0:
@@ -259,24 +292,28 @@ def pair_energies(
             result[2, k] = result[4, k]
             result[3, k] = result[4, k]
         if softening.shape[0] > 0:
-            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
-                eta, potential, rest = soften(part[3, k], greatest[0, k], softening)
+                eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
                 result[0, k] *= eta
                 result[1, k] *= eta
                 result[2, k] += rest - part[3, k]
                 result[3, k] += potential - part[3, k]
+        total = 0.0
         for branch in range(moduli.shape[0]):
             step = rows_from(steps, branch * (TENSOR + 1))
             weight = moduli[branch]
             for k in range(BLOCK):
-                Cb = tensors.tensor_at(strains, k)
-                M, gained = tensors.take_step(
-                    tensors.tensor_at(step, k), step[TENSOR, k], Cb, tensors.cofactor_of(Cb)
+                M, gained = end_of_step(
+                    tensors.tensor_at(step, k),
+                    step[TENSOR, k],
+                    tensors.tensor_at(strains, k),
+                    strains[3, k],
+                    (added[4, k], added[5, k]),
                 )
-                summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
-                put_column(added, k, (*summed, added[TENSOR, k] + weight * gained))
+                put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
+                total += reference[counted, k] * (weight * gained)
         if elastic != 0:
             call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
             for k in range(BLOCK):
@@ -284,21 +321,19 @@ def pair_energies(
                 result[1, k] -= states[1, k] * part[2, k]
                 result[2, k] -= part[0, k]
                 result[3, k] -= part[0, k]
-        total = 0.0
         kept = 0.0
         for k in range(BLOCK):
             F = plane.matrix_column_at(sums, k)
             V = np.float64(reference[3, k])
             M = tensors.tensor_at(added, k)
-            Cb = tensors.tensor_at(strains, k)
-            mean = tensors.contraction(M, Cb)
+            s, z = added[4, k], added[5, k]
+            C = tensors.tensor_at(strains, k)
+            mean = s * (M[0] * C[0] + 2.0 * M[1] * C[1] + M[2] * C[2]) + z * M[3]
             # As in (7) the pressure is eliminated by the stress across the sheet, which is zero.
             state = states[0, k], states[1, k], states[2, k]
-            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * Cb[3]), V)
-            P = plane.plus_matrix(
-                P, plane.times_matrix(V * added[TENSOR + 1, k], tensors.gradient_times(F, M))
-            )
-            total += reference[counted, k] * (result[3, k] + added[TENSOR, k])
+            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * z), V)
+            P = plane.plus_matrix(P, plane.times_matrix(V * s, tensors.gradient_times(F, M)))
+            total += reference[counted, k] * result[3, k]
             kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
             put_parts(bonds, sums, reference, k, P)
         if elastic != 0:
@@ -314,6 +349,9 @@ def pair_energies(
         for k in range(0, BLOCK, 4):
             plane.put_vectors(bonds, k, forces, at + k)
             plane.put_matrices(sums, k, moments, at + k)
+            row = (block + 1) * coefficients.shape[1] * BLOCK
+            for branch in range(moduli.shape[0]):
+                fetch_steps(coefficients, row + (branch * BLOCK + k) * (TENSOR + 1))
         energies[block] = total
         stored[block] = kept
     counts[chunk.number, 1] = small

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import erf
 
 from ..kernels.branches import weights_of_ends
+from ..kernels.softening import softening_factor
 from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .memory import Softening
 
@@ -197,10 +197,8 @@ def isochoric(law: Law, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def softened(softening: Softening, energy: np.ndarray, peak: np.ndarray) -> np.ndarray:
     """Return the factor eta of Ogden and Roxburgh at an energy and its greatest value so far."""
-    width = softening.m + softening.beta * peak
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.where(peak > energy, (peak - energy) / width, 0.0)
-    return 1 - erf(share) / softening.r
+    with np.errstate(all="ignore"):  # past the limit of a law: NaN
+        return softening_factor(energy, peak, (softening.r, softening.m, softening.beta))[0]
 
 
 def branch_states(time: np.ndarray, squares: np.ndarray, times: ArrayLike) -> np.ndarray:

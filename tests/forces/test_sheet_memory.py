@@ -6,7 +6,7 @@ from test_pair_memory import check_gradient, evaluate
 
 import pdsurrogate as pds
 from pdsurrogate.forces.internal_force import stored_by
-from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
+from pdsurrogate.materials import Branch, Gent, Memory, NeoHookean, Ogden, Softening
 from pdsurrogate.testing.bodies import lattice, of_points
 
 MEMORY = Memory((Branch(2.0, 1.0), Branch(0.5, 20.0)), Softening(1.6, 0.1, 0.2))
@@ -61,6 +61,17 @@ def test_stress_of_points_is_that_of_bonds(name):
     expected = np.zeros((3, 3))
     expected[:2, :2] = force.mean_stress()
     np.testing.assert_allclose(stress, np.broadcast_to(expected, stress.shape), atol=1e-11)
+
+
+@pytest.mark.parametrize("softening", [None, MEMORY.softening])
+@pytest.mark.parametrize("kind", [Gent, Ogden])
+def test_forces_of_every_law_are_the_derivative_of_their_energy(kind, softening):
+    memory = Memory(MEMORY.branches, softening)
+    body = of_points(lattice(0.6, 0.5))
+    law = kind(bulk_modulus=20.0, memory=memory)
+    force = pds.BondEnergyForce().bind(body, law, pds.ForceSettings(precision="float64"))
+    positions, _ = after_a_step(force)
+    check_gradient(force, positions)
 
 
 @pytest.mark.parametrize("stretch", [1.3, 20.0])

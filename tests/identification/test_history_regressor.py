@@ -16,7 +16,7 @@ from pdsurrogate.errors import OutsideDomainWarning
 from pdsurrogate.identification import HistoryRegressor, LawRegressor, TestData
 from pdsurrogate.identification.examination import examine
 from pdsurrogate.identification.history_report import fitted_history, report_of_history
-from pdsurrogate.materials import Branch, Memory
+from pdsurrogate.materials import Branch, Memory, Softening
 from pdsurrogate.materials.histories import LOGS, stress_history
 
 BRANCHES = Branch(0.5, 2.0), Branch(0.3, 40.0)
@@ -29,15 +29,20 @@ LAWS = [
 ]
 
 
-def cycles(law, scatter=0.0, rows=80, rates=(0.01, 0.1, 1.0), seed=0):
-    """Return loading, a hold and unloading in two modes at several rates, with errors."""
+PATH = [1, 2, 2, 1.1]
+SOFTENED = [1, 1.6, 1.1, 1.6, 1.1, 2.2, 1.1]
+"""Stretches between which curves run, at a constant rate, or for as long as at this rate by 1."""
+
+
+def cycles(law, scatter=0.0, rows=80, rates=(0.01, 0.1, 1.0), seed=0, path=PATH):
+    """Return a path of stretches in two modes at several rates, with errors."""
     random = np.random.default_rng(seed)
     X, y = [], []
     for mode in ("uniaxial", "equibiaxial"):
         for rate in rates:
-            knots = np.cumsum([0, 1 / rate, 1 / rate, 1 / rate])
+            knots = np.arange(len(path)) / rate
             at = np.linspace(0, knots[-1], rows)
-            stretch = np.interp(at, knots, [1, 2, 2, 1.1])
+            stretch = np.interp(at, knots, path)
             lateral = np.exp(LOGS[mode](np.log(stretch), 0 * at)[1])
             stress = stress_history(law, mode, at, stretch, incompressible=True).nominal_stress
             curve = np.full(rows, len(X))
@@ -63,6 +68,35 @@ def test_a_law_is_found_again_within_two_standard_errors(law):
     assert np.max(off) < 3.5
     glassy = found.law_.shear_modulus + found.law_.memory.modulus
     assert found.law_.bulk_modulus == pytest.approx(1000 * glassy)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("number", [0, 2])
+def test_softening_is_found_again_within_two_standard_errors(law, number):
+    law = replace(law, memory=Memory(BRANCHES[:number], Softening(2.0, 0.1, 0.2)))
+    off = []
+    for seed in range(3):
+        data = cycles(law, 0.01, seed=seed, path=SOFTENED, rates=(0.02, 0.5))
+        found = HistoryRegressor(law.name, number, n_terms=2, softening=True).fit(*data)
+        place = found.parameter_names_.index("softening_r") + np.arange(3)
+        off.append((found.parameters_[place] - [2.0, 0.1, 0.2]) / found.standard_errors_[place])
+    assert (np.abs(off) < 2).mean() > 0.75
+    assert np.abs(off).max() < 3.5
+    assert len(found.law_.memory.branches) == number
+
+
+def test_softening_of_an_energy_without_a_law_and_of_one_stretch():
+    law = pds.materials.NeoHookean(memory=Memory((), Softening(3.0, 0.2)))
+    X, y = (one[:80] for one in cycles(law, 0.003, path=[1, 2, 1.1, 2, 1.2], rates=(1.0,)))
+    found = HistoryRegressor(branches=0, softening=True).fit(X * [1, 1, 0, 1], y)
+    r, m = found.parameters_[-2:]
+    assert found.parameter_names_[-2:] == ["softening_r", "softening_m"]
+    assert (r, m) == pytest.approx((3.0, 0.2), rel=0.05)
+    assert found.rates_ is None
+    exact = cycles(law, path=[1, 2, 1.1, 2, 1.2], rates=(1.0,))[1][:80]
+    assert found.predict(X) == pytest.approx(exact, abs=0.01 * exact.max())
+    with pytest.raises(ValueError, match="no curve unloads"):
+        HistoryRegressor(softening=True).fit(*cycles(law, path=[1, 2, 2], rates=(1.0,)))
 
 
 @pytest.mark.parametrize("law", [LAWS[0], pytest.param(LAWS[-1], marks=pytest.mark.slow)])
@@ -147,7 +181,7 @@ def test_a_file_with_times_is_taken_whole(file):
     assert len(data) == 240
     assert data.histories()[:, 3].max() == 2
     assert (data.weight == 1).all()
-    model = fitted_history(data, "neo-hookean", None, 3, {})
+    model = fitted_history(data, "neo-hookean", None, 3, False, {})
     report = report_of_history(model, data)
     assert [round(one["greatest_stretch"], 1) for one in report["curves"]] == [2.0] * 3
     assert max(one["relative_rms"] for one in report["curves"]) < 0.004
@@ -211,6 +245,21 @@ def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(fil
         done = invoke("identify", *told, *wrong)
         assert done.exit_code
         assert words in " ".join(done.output.split())
+
+
+def test_the_command_fits_softening_without_times(tmp_path):
+    law = pds.materials.NeoHookean(memory=Memory((), Softening(3.0, 0.2)))
+    X, y = (one[:80] for one in cycles(law, 0.003, path=[1, 2, 1.1, 2, 1.2], rates=(1.0,)))
+    file = table(tmp_path / "a.csv", "stretch,nominal stress (MPa)", (X[:, 0], y))
+    told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--softening", "--json"]
+    done = invoke("identify", *told)
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)["laws"][0]
+    assert found["form"] == "neo-hookean with softening"
+    assert found["law"]["softening"]["r"] == pytest.approx(3.0, rel=0.05)
+    assert found["rates"] is None
+    assert "beta of softening is not told from m" in found["remarks"][0]
+    assert len(found["remarks"]) == 1
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ docstrings state.
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from pdsurrogate.engine.compile import inlined, kernel
 from pdsurrogate.kernels import elementary
@@ -131,3 +132,13 @@ def test_slope_and_curvature_of_activations(random, name):
     above, below = (np.broadcast_arrays(*function(x + step)) for step in (1e-6, -1e-6))
     np.testing.assert_allclose(slope, (above[0] - below[0]) / 2e-6, atol=1e-8)
     np.testing.assert_allclose(curvature, (above[1] - below[1]) / 2e-6, atol=1e-8)
+
+
+def test_error_function():
+    x = np.concatenate([np.linspace(0, 8, 20001), np.geomspace(1e-300, 1e-2, 1000), [30.0, 1e100]])
+    decay = np.exp(-(np.minimum(x, 30.0) ** 2))
+    for found in (
+        elementary.error_function(x, decay),
+        apply_to_both(elementary.error_function, x, decay),
+    ):
+        assert np.abs(found - erf(x)).max() < 2e-15

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from bodies import disc_with_hole, gripped_sheet, sheet
 
+from pdsurrogate.engine import vector_loads
+from pdsurrogate.engine.block_arrays import BLOCK, block_rows
 from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.kernels.steps import greatest_strain
@@ -61,6 +63,22 @@ print(out.tolist())
 total(at_end(table), listed, out)
 print(out.tolist())
 """
+
+
+@pytest.mark.parametrize("length", [3, 4, 6])
+def test_listed_records(random, length):
+    take = vector_loads.take_listed(length)
+
+    @kernel
+    def taken(records, width, numbers, start, rows):
+        rows = block_rows(rows)
+        for k in range(0, BLOCK, 4):
+            take(records, width, numbers, k, start, rows, k)
+
+    records, rows = random.normal(size=(50, 2 * length)), np.zeros((length, BLOCK))
+    numbers = random.integers(0, 50, BLOCK).astype(np.uint32)
+    taken(records, 2 * length, numbers, length, rows)
+    assert np.array_equal(rows, records[numbers, length:].T)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="pages of memory are closed by a call of Linux")
