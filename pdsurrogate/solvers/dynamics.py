@@ -17,7 +17,8 @@ from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
 """Safety factor on the highest frequency, which the power iteration underestimates by up to 2 %
-on sheets of up to 7,500 points. Where bonds break the estimate is an upper bound.
+on sheets of up to 7,500 points. The estimate of bodies that may break is not increased:
+it comes from above.
 """
 
 
