@@ -176,7 +176,7 @@ class PairMemory:
         total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
             B = rows[branch * (len(Cb) + 1) :]
-            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb, tensors.cofactor_of(Cb))
+            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb)
             total += modulus * np.array(M)
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))
@@ -214,13 +214,17 @@ class PairMemory:
         points of the material; a point without bonds is as at rest.
         """
         points = self._part.points
-        whole = np.zeros(len(points.positions))
-        found = np.zeros((len(whole), values.shape[1]))
-        for end, share in zip((points.first, points.second), self._shares(), strict=True):
-            np.add.at(whole, end, share)
-            np.add.at(found, end, share[:, None] * values)
-        found[whole == 0] = at_rest
-        return (found.T / np.where(whole > 0, whole, 1.0))[:, points.own[0]]
+        n = len(points.positions)
+        ends = points.first, points.second
+        shares = self._shares()
+
+        def summed(values):
+            return sum(np.bincount(*pair, n) for pair in zip(ends, shares * values, strict=True))
+
+        whole = summed(1.0)
+        columns = zip(values.T, at_rest, strict=True)
+        found = np.stack([np.where(whole > 0, summed(values), rest) for values, rest in columns])
+        return (found / np.where(whole > 0, whole, 1.0))[:, points.own[0]]
 
     def _shares(self) -> np.ndarray:
         """Return the shares of the pairs in the volumes of their two ends, one row for each end."""

@@ -191,21 +191,40 @@ def _steps(tensors):
         return tensors.scaled(r, B), r * h * end
 
     @inlined
-    def take_step(B, b, Cb, cofactor):
-        """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1; `cofactor`
-        is that of Cb.
+    def in_plane(B, b, Cb):
+        """Return cof(B + b Cb), its determinant and (det - 1)/b, which is the product of a
+        determinant in the plane and an entry across it.
         """
-        one = like(Cb[0], 1.0)
+        area = Cb[0] * Cb[2] - Cb[1] * Cb[1]
+        linear = B[2] * Cb[0] - (B[1] + B[1]) * Cb[1] + B[0] * Cb[2] + b * area
+        begun = B[0] * B[2] - B[1] * B[1]
+        within = begun + b * linear
+        across = B[3] + b * Cb[3]
+        A = tensors.combined(B, b, Cb)
+        cofactor = across * A[2], -across * A[1], across * A[0], within
+        return cofactor, within * across, begun * Cb[3] + across * linear
+
+    @inlined
+    def in_space(B, b, Cb):
+        """Return cof(B + b Cb), its determinant and (det - 1)/b."""
         A = tensors.combined(B, b, Cb)
         of_A = tensors.cofactor_of(A)
-        determinant = tensors.determinant_by(A, of_A)
+        second = tensors.contraction(tensors.cofactor_of(Cb), B)
+        slope = tensors.contraction(of_A, Cb) - b * (second + b + b)
+        return of_A, tensors.determinant_by(A, of_A), slope
+
+    moved = in_plane if tensors.TENSOR == 4 else in_space
+
+    @inlined
+    def take_step(B, b, Cb):
+        """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1."""
+        one = like(Cb[0], 1.0)
+        cofactor, determinant, slope = moved(B, b, Cb)
         r = inverse_cube_root(determinant)
         square = r * r
         root = determinant * square
-        # (det A - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
-        slope = tensors.contraction(of_A, Cb) - b * (tensors.contraction(cofactor, B) + b + b)
         energy = like(one, 1.5) * (slope / (root * root + root + one) - one)
-        return tensors.scaled(square, of_A), energy
+        return tensors.scaled(square, cofactor), energy
 
     @inlined
     def end_step(B, b, Cb):

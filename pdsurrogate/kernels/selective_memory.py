@@ -180,12 +180,8 @@ def pair_energies(algebra):
                 weight = like(one, moduli[branch])
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
-                    M, gained = tensors.take_step(
-                        tensors.tensor_in(step, 0, k, one),
-                        like(one, step[tensor, k]),
-                        Cb,
-                        tensors.cofactor_of(Cb),
-                    )
+                    B, b = tensors.tensor_in(step, 0, k, one), like(one, step[tensor, k])
+                    M, gained = tensors.take_step(B, b, Cb)
                     put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                     total += reference[counted, k] * (weight * gained)
             for k in range(BLOCK):

@@ -41,9 +41,9 @@ ADDED = STRAINS + TENSOR
 KNOWN = ADDED + TENSOR + 2
 BUFFER_ROWS = KNOWN + 5
 """First rows of the parts of a thread's buffer, and its number of rows. Gradients and bond vectors
-begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, and what
-branches add follow. The last rows are residual, inverse slope and J3 of the iteration before, 1
-once J3 is found, and 1/J^2.
+begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C of the plane
+with J^2, and what branches add follow. The last rows are residual, inverse slope and J3 of the
+iteration before, 1 once J3 is found, and 1/J^2.
 """
 
 LAST_STEP = 1e-7
@@ -75,26 +75,6 @@ def across_of_step(B, b, C, area, factors):
     r = inverse_cube_root(within * across)
     first = r * r * slope * (1.0 / 3.0)
     return first, r * (r * bend * (1.0 / 9.0) - (4.0 / 3.0) * b * first * first)
-
-
-@inlined
-def end_of_step(B, b, C, area, factors):
-    """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1, with the
-    arguments of `across_of_step`.
-    """
-    s, z = factors
-    linear = s * (B[2] * C[0] - 2.0 * B[1] * C[1] + B[0] * C[2] + b * s * area)
-    begun = B[0] * B[2] - B[1] * B[1]
-    within = begun + b * linear
-    across = B[3] + b * z
-    r = inverse_cube_root(within * across)
-    root = within * across * r * r
-    # (det(B + b Cb) - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
-    change = begun * z + across * linear
-    A = tensors.combined(B, b * s, C)
-    plane_part = r * r * across
-    M = plane_part * A[2], -plane_part * A[1], plane_part * A[0], r * r * within
-    return M, 1.5 * (change / (root * root + root + 1.0) - 1.0)
 
 
 @inlined
@@ -305,17 +285,23 @@ def pair_energies(
             step = rows_from(steps, branch * (TENSOR + 1))
             weight = moduli[branch]
             for k in range(BLOCK):
-                M, gained = end_of_step(
-                    tensors.tensor_at(step, k),
-                    step[TENSOR, k],
-                    tensors.tensor_at(strains, k),
-                    strains[3, k],
-                    (added[4, k], added[5, k]),
-                )
+                s = added[4, k]
+                Cb = s * strains[0, k], s * strains[1, k], s * strains[2, k], added[5, k]
+                M, gained = tensors.take_step(tensors.tensor_at(step, k), step[TENSOR, k], Cb)
                 put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                 total += reference[counted, k] * (weight * gained)
         if elastic != 0:
-            call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
+            call_block(
+                elastic,
+                states,
+                moduli,
+                moduli,
+                response,
+                parameters,
+                moduli,
+                scratch[chunk.thread],
+                part,
+            )
             for k in range(BLOCK):
                 result[0, k] -= 2.0 * part[1, k]
                 result[1, k] -= states[1, k] * part[2, k]
