@@ -38,9 +38,7 @@ def overstress(mode: str, knots, stretches, time: np.ndarray) -> tuple[np.ndarra
     for first, last in pairwise(knots):
         at = time[(time > first + 1e-9 * last) & (time <= last * (1 + 1e-9))]
         at[-1] = last
-        found = solve_ivp(
-            rate, (first, last), logs[-1], "LSODA", t_eval=at, rtol=1e-10, atol=1e-12
-        )
+        found = solve_ivp(rate, (first, last), logs[-1], "LSODA", t_eval=at, rtol=1e-10, atol=1e-12)
         logs.extend(found.y.T)
     expected = []
     for t, log in zip(time, logs, strict=True):

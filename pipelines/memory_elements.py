@@ -1,5 +1,5 @@
-"""Finite elements for rubber with memory, with FElupe: a bonded block that is stretched, held and
-let back, with a branch or with softening, and stresses of FElupe's softening.
+"""Finite elements for rubber with memory, with FElupe: a bonded block and a bonded sheet that are
+stretched, held and let back, with a branch or with softening, and stresses of FElupe's softening.
 
 python pipelines/memory_elements.py      writes data/memory.json (minutes)
 
@@ -92,25 +92,57 @@ class Viscoelastic:
 
     def hessian(self, x: list) -> list:
         """Derivative of the stress at the end of the step, through the evolution of the state."""
-        F, found = x[0], np.empty((3, 3, *x[0].shape))
-        for k in range(3):
-            for m in range(3):
+        F, found = x[0], np.empty((*x[0].shape[:2], *x[0].shape))
+        for k in range(len(F)):
+            for m in range(len(F)):
                 moved = F.astype(complex)
                 moved[k, m] += TINY * 1j
                 found[:, :, k, m] = self.stress(moved, x[-1])[0].imag / TINY
         return [found]
 
 
-def block(n: int) -> tuple[fem.FieldContainer, fem.Boundary, dict]:
+class Sheet(Viscoelastic):
+    """The material under plane stress: the stretch of the thickness makes P33 vanish."""
+
+    def stress(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Whole stress P in the plane, with C_k and Cbar at the end of the step."""
+        full = np.zeros((3, 3, *F.shape[2:]), dtype=F.dtype)
+        full[:2, :2] = F
+        full[2, 2] = 1 / (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0])
+        for _ in range(5):
+            full[2, 2] -= self.whole(full, state)[0][2, 2] / self.slope(full, state)
+        P, C, Cbar = self.whole(full, state)
+        return P[:2, :2], C, Cbar
+
+    def whole(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Stress in space with that of the volume, and the new state."""
+        P, C, Cbar = super().stress(F, state)
+        J = determinant(F)
+        return P + BULK / 4 * (J**2 - J**-2) * inverse(F).swapaxes(0, 1), C, Cbar
+
+    def slope(self, F: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Derivative of P33 by the stretch of the thickness, at real F."""
+        moved = F.real.astype(complex)
+        moved[2, 2] += TINY * 1j
+        return self.whole(moved, state)[0][2, 2].imag / TINY
+
+
+def block(n: int, sheet: bool = False) -> tuple[fem.FieldContainer, fem.Boundary, dict]:
     """Quarter of the unit block in plane strain, n by n elements graded to the corner: fields of
     displacement, pressure and volume ratio, the boundary that moves, and all boundaries.
+
+    A sheet under plane stress has displacements alone.
     """
     mesh = fem.Rectangle(n=n + 1)
     graded = 0.5 * (1 - (1 - mesh.points) ** 3)
     mesh.update(points=graded)  # the bonded end is x = 0.5, the free side y = 0.5
     mesh = mesh.add_midpoints_edges().add_midpoints_faces(cell_type="quad9")
     region = fem.RegionBiQuadraticQuad(mesh)
-    field = fem.FieldsMixed(region, n=3, planestrain=True)
+    field = (
+        fem.FieldContainer([fem.Field(region, dim=2)])
+        if sheet
+        else fem.FieldsMixed(region, n=3, planestrain=True)
+    )
     middle, axis, end = np.isclose(mesh.x, 0), np.isclose(mesh.y, 0), np.isclose(mesh.x, 0.5)
     boundaries = {
         "middle": fem.Boundary(field[0], mask=middle, skip=(0, 1)),
@@ -123,12 +155,17 @@ def block(n: int) -> tuple[fem.FieldContainer, fem.Boundary, dict]:
 
 def forces(n: int, material: Any, program: list[tuple[float, float]]) -> np.ndarray:
     """Force on the ends of the block after each step (stretch, dt) of a program."""
-    field, move, boundaries = block(n)
-    umat = fem.NearlyIncompressible(
-        material,
-        BULK,
-        dUdJ=lambda J, K: K / 4 * (J - 1 / J) * (1 + 1 / J**2),
-        d2UdJdJ=lambda J, K: K / 4 * (1 + 3 / J**4),
+    sheet = isinstance(material, Sheet)
+    field, move, boundaries = block(n, sheet)
+    umat = (
+        material
+        if sheet
+        else fem.NearlyIncompressible(
+            material,
+            BULK,
+            dUdJ=lambda J, K: K / 4 * (J - 1 / J) * (1 + 1 / J**2),
+            d2UdJdJ=lambda J, K: K / 4 * (1 + 3 / J**4),
+        )
     )
     rest = material.at_rest(field) if isinstance(material, Viscoelastic) else None
     solid, found = fem.SolidBody(umat, field, statevars=rest), []
@@ -210,6 +247,8 @@ def main() -> None:
             {"elements": n, "shear_modulus": modulus, "times": at, "forces": force.tolist()}
         )
         print(found["relaxing"][-1], flush=True)
+    force = forces(8, Sheet(1.0, 1.0, 1.0), program)[rows]
+    found["sheet"] = {"elements": 8, "times": at, "forces": force.tolist()}
     small = [
         (float(stretch), 0.0)
         for stretch in np.interp(

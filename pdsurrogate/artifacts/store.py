@@ -279,7 +279,7 @@ def default_force(scene: Scene) -> ForceModel:
     energy. In plane strain and three dimensions the isochoric part of this energy acts at the bonds
     and its volumetric part at the points, which avoids volumetric locking.
     """
-    if scene.plane != "stress" or scene.materials:
+    if scene.plane != "stress" or scene.materials or scene.law().memory:
         return load_surrogate("bond-energy")
     return surrogate_for(scene.law())
 

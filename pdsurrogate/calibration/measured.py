@@ -398,8 +398,8 @@ class MeasuredScene:
         """Return the entries of the levels of a result by steps; step k is the state k - 1."""
         levels = result.levels
         for step in self.steps:
-            if step > len(levels) or "time" in levels[step - 1]:
-                at_rest = sum("time" not in level for level in levels)
+            if step > len(levels) or "kinetic_energy" in levels[step - 1]:
+                at_rest = sum("kinetic_energy" not in level for level in levels)
                 raise ValueError(
                     f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium,"
                     " numbered from 1"

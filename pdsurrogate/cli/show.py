@@ -171,8 +171,8 @@ def _print_history(result: Result) -> None:
     Columns of moments and displacements are left out, as are columns of zeros, and columns of
     forces that nowhere exceed `SHOWN_SHARE` times the greatest force.
     """
-    rows = [row for row in result.history if "time" not in row]
-    rows += [row for row in result.history if "time" in row][-10:]
+    rows = [row for row in result.history if "kinetic_energy" not in row]
+    rows += [row for row in result.history if "kinetic_energy" in row][-10:]
     greatest = {
         column: max(abs(row.get(column, 0)) for row in rows)
         for column in columns_of(rows)

@@ -11,7 +11,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
-from ..kernels.softening import softening_factor
+from ..kernels.softening import soften
 from ..materials import PLANES
 from .binding import Binding
 from .kinematics import Kinematics, matrices
@@ -72,11 +72,8 @@ class PairMemory:
         own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
         numbers = np.zeros(len(part.forces), dtype=np.uint32)
         numbers[: len(own)] = own
-        rows = branches * (tensors.TENSOR + 1) + 2 * softened
+        rows = branches * tensors.STEP + 2 * softened
         coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
-        for branch in range(branches):
-            first = branch * (tensors.TENSOR + 1)
-            coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
         memory = buffers if precision == "float64" else aligned_rows(buffers.shape, precision, 1)
         self._coefficients = coefficients
@@ -164,7 +161,7 @@ class PairMemory:
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return means over the bonds of the points of the material in the state last evaluated:
         sums of M over the branches as matrices (k, 3, 3), in units of the shear modulus, and
-        factors eta (k,) of softening and stored energies (k,) of branches.
+        factors eta (k,) of softening and stored energies (k,) that memory adds, in this unit too.
         """
         part = self._part
         d = part.forces.shape[1]
@@ -175,14 +172,15 @@ class PairMemory:
         Cb = tensors.isochoric(tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), C33), J3)
         total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
-            B = rows[branch * (len(Cb) + 1) :]
-            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb, tensors.cofactor_of(Cb))
+            B, b = tensors.step_in(rows[branch * tensors.STEP :], slice(None), 1.0)
+            M, _ = tensors.take_step(B, b, Cb)
             total += modulus * np.array(M)
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))
         if len(self._softening):
             W = self._isochoric_energies(F, J3)
-            eta = softening_factor(W, rows[-2], self._softening)[0]
+            eta, _, rest = soften(W, rows[-2], rows[-1], self._softening)
+            energy = energy + rest - W
         found = self._means(np.column_stack([*total, eta, energy]), [*[0.0] * len(Cb), 1.0, 0.0])
         M = np.zeros((found.shape[1], 3, 3))
         for (r, c), values in zip(tensors.PLACES, found, strict=False):
@@ -213,13 +211,17 @@ class PairMemory:
         points of the material; a point without bonds is as at rest.
         """
         points = self._part.points
-        whole = np.zeros(len(points.positions))
-        found = np.zeros((len(whole), values.shape[1]))
-        for end, share in zip((points.first, points.second), self._shares(), strict=True):
-            np.add.at(whole, end, share)
-            np.add.at(found, end, share[:, None] * values)
-        found[whole == 0] = at_rest
-        return (found.T / np.where(whole > 0, whole, 1.0))[:, points.own[0]]
+        n = len(points.positions)
+        ends = points.first, points.second
+        shares = self._shares()
+
+        def summed(values):
+            return sum(np.bincount(*pair, n) for pair in zip(ends, shares * values, strict=True))
+
+        whole = summed(1.0)
+        columns = zip(values.T, at_rest, strict=True)
+        found = np.stack([np.where(whole > 0, summed(values), rest) for values, rest in columns])
+        return (found / np.where(whole > 0, whole, 1.0))[:, points.own[0]]
 
     def _shares(self) -> np.ndarray:
         """Return the shares of the pairs in the volumes of their two ends, one row for each end."""

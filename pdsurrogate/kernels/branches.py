@@ -134,11 +134,14 @@ def _components(d):
     ]
     return {
         "TENSOR": len(kept),
+        # Rows of (B, b): in the plane the entry 33 of B follows from det B = 1.
+        "STEP": 4 if d == 2 else 7,
+        "kept_of": entries("B", [f"B[{n}]" for n in (range(3) if d == 2 else numbers)]),
         "PLACES": kept,
         "DIAGONAL": tuple(float(r == c) for r, c in kept),
         # The tensors in rows of a block, in the precision of x, and in listed records.
         "tensor_at": entries("rows, k", [f"rows[{n}, k]" for n in numbers]),
-        "tensor_in": entries("rows, at, k, x", [f"like(x, rows[at + {n}, k])" for n in numbers]),
+        "tensor_in": entries("rows, k, x", [f"like(x, rows[{n}, k])" for n in numbers]),
         "take_listed": vector_loads.take_listed(len(kept)),
         "scaled": entries("factor, A", [f"factor * A[{n}]" for n in numbers]),
         # A + factor G, and A : G.
@@ -191,21 +194,52 @@ def _steps(tensors):
         return tensors.scaled(r, B), r * h * end
 
     @inlined
-    def take_step(B, b, Cb, cofactor):
-        """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1; `cofactor`
-        is that of Cb.
+    def step_in_plane(rows, k, x):
+        """Return (B, b) in the precision of x, from rows of `kept_of` B and b."""
+        one = like(x, 1.0)
+        B11, B12, B22, b = tensors.tensor_in(rows, k, x)
+        return (B11, B12, B22, one / (B11 * B22 - B12 * B12)), b
+
+    @inlined
+    def step_in_space(rows, k, x):
+        """Return (B, b) in the precision of x, from rows of `kept_of` B and b."""
+        return tensors.tensor_in(rows, k, x), like(x, rows[6, k])
+
+    @inlined
+    def in_plane(B, b, Cb):
+        """Return cof(B + b Cb), its determinant and (det - 1)/b, which is the product of a
+        determinant in the plane and an entry across it.
         """
-        one = like(Cb[0], 1.0)
+        area = Cb[0] * Cb[2] - Cb[1] * Cb[1]
+        linear = B[2] * Cb[0] - (B[1] + B[1]) * Cb[1] + B[0] * Cb[2] + b * area
+        begun = B[0] * B[2] - B[1] * B[1]
+        within = begun + b * linear
+        across = B[3] + b * Cb[3]
+        A = tensors.combined(B, b, Cb)
+        cofactor = across * A[2], -across * A[1], across * A[0], within
+        return cofactor, within * across, begun * Cb[3] + across * linear
+
+    @inlined
+    def in_space(B, b, Cb):
+        """Return cof(B + b Cb), its determinant and (det - 1)/b."""
         A = tensors.combined(B, b, Cb)
         of_A = tensors.cofactor_of(A)
-        determinant = tensors.determinant_by(A, of_A)
+        second = tensors.contraction(tensors.cofactor_of(Cb), B)
+        slope = tensors.contraction(of_A, Cb) - b * (second + b + b)
+        return of_A, tensors.determinant_by(A, of_A), slope
+
+    moved = in_plane if tensors.TENSOR == 4 else in_space
+
+    @inlined
+    def take_step(B, b, Cb):
+        """Return M = C_k^-1 at the end of a step and W_step, of a branch of modulus 1."""
+        one = like(Cb[0], 1.0)
+        cofactor, determinant, slope = moved(B, b, Cb)
         r = inverse_cube_root(determinant)
         square = r * r
         root = determinant * square
-        # (det A - 1)/b, without a difference of nearly equal numbers; det B = det Cb = 1.
-        slope = tensors.contraction(of_A, Cb) - b * (tensors.contraction(cofactor, B) + b + b)
         energy = like(one, 1.5) * (slope / (root * root + root + one) - one)
-        return tensors.scaled(square, of_A), energy
+        return tensors.scaled(square, cofactor), energy
 
     @inlined
     def end_step(B, b, Cb):
@@ -235,6 +269,7 @@ def _steps(tensors):
         )
 
     return {
+        "step_in": step_in_plane if tensors.TENSOR == 4 else step_in_space,
         "isochoric": isochoric,
         "begin_step": begin_step,
         "take_step": take_step,

@@ -17,6 +17,7 @@ from ..engine.block_arrays import (
 )
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import fetch
 from .algebra import algebra_of
 from .bond_energy import COLLAPSED
 from .branches import tensors_of
@@ -29,6 +30,7 @@ plane = algebra_of(2)
 tensors = tensors_of(2)
 of_bond = gradient_of_bond(plane)
 put_parts = parts_of_stress(plane)
+fetch_steps = fetch(4 * tensors.STEP)
 
 TENSOR = tensors.TENSOR
 STATES = plane.MATRIX + plane.DIMENSION
@@ -39,9 +41,9 @@ ADDED = STRAINS + TENSOR
 KNOWN = ADDED + TENSOR + 2
 BUFFER_ROWS = KNOWN + 5
 """First rows of the parts of a thread's buffer, and its number of rows. Gradients and bond vectors
-begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C or Cb, and what
-branches add follow. The last rows are residual, inverse slope and J3 of the iteration before, 1
-once J3 is found, and 1/J^2.
+begin at row 0; states (tr C, J, J3), the response of the law, its isochoric part, C of the plane
+with J^2, and what branches add follow. The last rows are residual, inverse slope and J3 of the
+iteration before, 1 once J3 is found, and 1/J^2.
 """
 
 LAST_STEP = 1e-7
@@ -128,7 +130,7 @@ def find_states(sums, reference, law, memory, steps):
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         if kinked:
-            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            greatest = rows_from(steps, moduli.shape[0] * tensors.STEP)
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
                 eta, slope = softening_factor(part[3, k], greatest[0, k], softening)
@@ -142,12 +144,11 @@ def find_states(sums, reference, law, memory, steps):
                 s = r * r
                 put_column(added, k, (s, s * J3 * J3 * known[4, k], 0.0, 0.0, r * s))
             for branch in range(moduli.shape[0]):
-                step = rows_from(steps, branch * (TENSOR + 1))
+                step = rows_from(steps, branch * tensors.STEP)
                 weight = moduli[branch]
                 for k in range(BLOCK):
                     first, second = across_of_step(
-                        tensors.tensor_at(step, k),
-                        step[TENSOR, k],
+                        *tensors.step_in(step, k, 1.0),
                         tensors.tensor_at(strains, k),
                         strains[3, k],
                         (added[0, k], added[1, k]),
@@ -255,11 +256,9 @@ def pair_energies(
         few = 0.0
         for k in range(BLOCK):
             J3 = states[2, k]
-            C = strains[0, k], strains[1, k], strains[2, k], J3 * J3 * known[4, k]
             r = inverse_cube_root(J3)
-            Cb = tensors.scaled(r * r, C)
-            put_column(strains, k, Cb)
-            put_column(added, k, (*tensors.scaled(0.0, Cb), 0.0, r * r))
+            s = r * r
+            put_column(added, k, (0.0, 0.0, 0.0, 0.0, s, s * J3 * J3 * known[4, k]))
             # NaN is counted, too.
             few += 0.0 if states[1, k] > COLLAPSED else 1.0
         if few > 0.0:
@@ -272,7 +271,7 @@ def pair_energies(
             result[2, k] = result[4, k]
             result[3, k] = result[4, k]
         if softening.shape[0] > 0:
-            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            before = rows_from(steps, moduli.shape[0] * tensors.STEP)
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
                 eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
@@ -280,38 +279,47 @@ def pair_energies(
                 result[1, k] *= eta
                 result[2, k] += rest - part[3, k]
                 result[3, k] += potential - part[3, k]
+        total = 0.0
         for branch in range(moduli.shape[0]):
-            step = rows_from(steps, branch * (TENSOR + 1))
+            step = rows_from(steps, branch * tensors.STEP)
             weight = moduli[branch]
             for k in range(BLOCK):
-                Cb = tensors.tensor_at(strains, k)
-                M, gained = tensors.take_step(
-                    tensors.tensor_at(step, k), step[TENSOR, k], Cb, tensors.cofactor_of(Cb)
-                )
-                summed = tensors.combined(tensors.tensor_at(added, k), weight, M)
-                put_column(added, k, (*summed, added[TENSOR, k] + weight * gained))
+                s = added[4, k]
+                Cb = s * strains[0, k], s * strains[1, k], s * strains[2, k], added[5, k]
+                B, b = tensors.step_in(step, k, 1.0)
+                M, gained = tensors.take_step(B, b, Cb)
+                put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
+                total += reference[counted, k] * (weight * gained)
         if elastic != 0:
-            call_block(elastic, states, moduli, moduli, response, parameters, moduli, scratch, part)
+            call_block(
+                elastic,
+                states,
+                moduli,
+                moduli,
+                response,
+                parameters,
+                moduli,
+                scratch[chunk.thread],
+                part,
+            )
             for k in range(BLOCK):
                 result[0, k] -= 2.0 * part[1, k]
                 result[1, k] -= states[1, k] * part[2, k]
                 result[2, k] -= part[0, k]
                 result[3, k] -= part[0, k]
-        total = 0.0
         kept = 0.0
         for k in range(BLOCK):
             F = plane.matrix_column_at(sums, k)
             V = np.float64(reference[3, k])
             M = tensors.tensor_at(added, k)
-            Cb = tensors.tensor_at(strains, k)
-            mean = tensors.contraction(M, Cb)
+            s, z = added[4, k], added[5, k]
+            C = tensors.tensor_at(strains, k)
+            mean = s * (M[0] * C[0] + 2.0 * M[1] * C[1] + M[2] * C[2]) + z * M[3]
             # As in (7) the pressure is eliminated by the stress across the sheet, which is zero.
             state = states[0, k], states[1, k], states[2, k]
-            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * Cb[3]), V)
-            P = plane.plus_matrix(
-                P, plane.times_matrix(V * added[TENSOR + 1, k], tensors.gradient_times(F, M))
-            )
-            total += reference[counted, k] * (result[3, k] + added[TENSOR, k])
+            P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * z), V)
+            P = plane.plus_matrix(P, plane.times_matrix(V * s, tensors.gradient_times(F, M)))
+            total += reference[counted, k] * result[3, k]
             kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
             put_parts(bonds, sums, reference, k, P)
         if elastic != 0:
@@ -327,6 +335,9 @@ def pair_energies(
         for k in range(0, BLOCK, 4):
             plane.put_vectors(bonds, k, forces, at + k)
             plane.put_matrices(sums, k, moments, at + k)
+            row = (block + 1) * coefficients.shape[1] * BLOCK
+            for branch in range(moduli.shape[0]):
+                fetch_steps(coefficients, row + (branch * BLOCK + k) * tensors.STEP)
         energies[block] = total
         stored[block] = kept
     counts[chunk.number, 1] = small

@@ -57,8 +57,8 @@ def _thickness_at_edge(
     """Return the function that gives the thickness at the facets of a pressure, load `number`, from
     their own stretch, theory (44a).
 
-    None if the body has several materials, or if other loads or an obstacle may act on the facets,
-    whose stress is then another one.
+    None if the body has several materials or memory, or if other loads or an obstacle may act on
+    the facets, whose stress is then another one.
     """
     others = [
         load
@@ -66,7 +66,7 @@ def _thickness_at_edge(
         if other != number and load.kind in ("pressure", "traction")
     ]
     shared = any(np.isin(facets, regions.facets(load.region, "")).any() for load in others)
-    if shared or scene.obstacles or len(laws) != 1:
+    if shared or scene.obstacles or len(laws) != 1 or laws[0].memory:
         return None
     return partial(plane_stress.thickness_at_edge, laws[0])
 

@@ -287,12 +287,6 @@ def portions_of(
         scene.law(),
         *(None if part.material.rigid else part.material.build() for part in scene.materials),
     ]
-    if any(law is not None and law.memory for law in laws):
-        raise ValueError(
-            "the material has branches or softening, which runs do not have yet: equilibria take"
-            " no time, and stresses of points and energy accounts are elastic; leave them out, or"
-            " export the material for another program (pdsurrogate export)"
-        )
     for number, part in enumerate(scene.materials, 1):
         key = f"materials.{number - 1}"
         points = regions.points(part.region, f"{key}.region")

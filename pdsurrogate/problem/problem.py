@@ -53,6 +53,7 @@ from .program import (
     Measures,
     Prescription,
     Stage,
+    check_durations,
     known_ends,
     measures_of,
     parameter_of,
@@ -391,7 +392,9 @@ def _on_body(
                 "materials: rigid regions are supported on one rank only; run without mpiexec, or"
                 " give the regions a law"
             )
-        loads = loads_of(scene, body, regions, [portion.law for portion in portions])
+        laws = [portion.law for portion in portions]
+        check_durations(stages, laws)
+        loads = loads_of(scene, body, regions, laws)
         prescriptions = prescriptions_of(scene, regions, stages, parameter_of(scene)[1])
         if areas is None:
             areas = grip_areas(scene, regions.lower, regions.upper)
@@ -402,7 +405,7 @@ def _on_body(
         bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
-            softest = min(portion.law.shear_modulus for portion in portions)
+            softest = min(law.shear_modulus for law in laws)
             check_dynamics(scene, loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)

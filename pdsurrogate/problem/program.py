@@ -3,7 +3,7 @@ the measures that results report.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..discretization.planes import prescribed_components
 from ..forces import InvalidState
+from ..materials import Law
 from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.grips import prescribed_in
@@ -43,6 +44,8 @@ class Stage:
     control : str or None
         Key of the displacement of a probe that the stage changes in place of the loading parameter,
         which is found; `to` and `largest_increment` are then displacements.
+    duration : float or None
+        Time that a stage in equilibrium takes; None without a time.
     """
 
     to: float
@@ -51,6 +54,7 @@ class Stage:
     inertia: Dynamics | StepDynamics | None
     key: str
     control: str | None = None
+    duration: float | None = None
 
     def motion(self, begin: float) -> Motion:
         """Return the loading parameter as a function of time in dynamics, from the value `begin`
@@ -79,18 +83,36 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
                 step.dynamics,
                 f"steps.{number}.{step.kind}",
                 step.control,
+                step.duration,
             )
             for number, step in enumerate(scene.steps)
         )
+    durations = np.diff(scene.times, prepend=0.0).tolist() or [None] * len(scene.stretches)
     stages = [
-        Stage(stretch, 1, scene.solver.largest_increment, None, "stretches")
-        for stretch in scene.stretches
+        Stage(stretch, 1, scene.solver.largest_increment, None, "stretches", duration=duration)
+        for stretch, duration in zip(scene.stretches, durations, strict=True)
     ]
     if scene.dynamics is not None:
         stages.append(
             Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics")
         )
     return tuple(stages)
+
+
+def check_durations(stages: Sequence[Stage], laws: Iterable[Law]) -> None:
+    """Raise ValueError if a law has branches, and a stage in equilibrium has no duration."""
+    if any(law.memory.branches for law in laws):
+        for stage in stages:
+            if stage.inertia is None and stage.duration is None:
+                where, what = (
+                    ("times", "times = [...], at which the stretches are reached")
+                    if stage.key == "stretches"
+                    else (f"{stage.key.rsplit('.', 1)[0]}.duration", "a duration of every step")
+                )
+                raise ValueError(
+                    f"{where}: missing; the stress of a material with branches depends on time:"
+                    f" give {what} (0 for a sudden change)"
+                )
 
 
 def parameter_of(scene: Scene) -> tuple[str, float]:

@@ -21,13 +21,13 @@ class Moment:
     Attributes
     ----------
     run_time : float
-        Pseudo-time that orders all states of the run: the number of outputs in equilibrium so far,
-        plus `time`. The PVD index has it where the loading parameter does not grow from state to
-        state, or after dynamics.
+        Pseudo-time that orders all states of the run: the number of outputs in equilibrium
+        without a duration so far, plus `time`. The PVD index has it where the loading parameter
+        does not grow from state to state, and where there is a time.
     stretch : float or None
         Distance of the grips divided by its undeformed value, in a scene with grips.
     time : float
-        Total time of all stages in dynamics so far; 0 before the first of them.
+        Total time so far of all stages in dynamics, and of those in equilibrium with a duration.
     t : float or None
         Loading parameter of a scene with steps.
     """

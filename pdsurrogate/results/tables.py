@@ -18,7 +18,7 @@ from .folder import CONVERGENCE, HISTORY, SUMMARY
 UNITS_OF_COLUMNS = {
     r"time": "time",
     r"nominal_stress": "stress",
-    r"energy|work|(kinetic|damped|strain|released)_energy|moment_.*": "energy",
+    r"energy|work|(kinetic|damped|strain|released)_energy|dissipated_by_.*|moment_.*": "energy",
     r"force_.*": "force",
     r"(.*_)?displacement_.*|contact_penetration_.*": "length",
     r"contact_area_.*": "area",

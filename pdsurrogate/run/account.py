@@ -80,6 +80,8 @@ class Account:
         Time since the stage began.
     initial_energy : float
         Kinetic energy and strain energy at the start.
+    dissipated_before : float
+        Energy that branches and softening had dissipated at the start.
     work, damped_energy, released_energy : float
         Work of all supports and loads, energy dissipated by damping, and energy released by
         breaking bonds, since the start.
@@ -115,6 +117,7 @@ class Account:
 
     time: float = 0.0
     initial_energy: float = 0.0
+    dissipated_before: float = 0.0
     work: float = 0.0
     damped_energy: float = 0.0
     released_energy: float = 0.0
@@ -369,8 +372,10 @@ class Bookkeeping:
         """
         account = self.account
         account.row_time = account.time
+        dissipated = sum(self.run.dissipated_energy().values())
         if first:
             account.initial_energy = kinetic + strain
+            account.dissipated_before = dissipated
         put_in = account.initial_energy + account.work
         account.most_put_in = max(account.most_put_in, put_in)
         allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
@@ -383,6 +388,7 @@ class Bookkeeping:
             account.gap = (
                 kinetic + strain - put_in + account.damped_energy + account.released_energy
             )
+            account.gap += dissipated - account.dissipated_before
             account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
         return {
             "work": account.work,

@@ -120,6 +120,7 @@ class Checkpoints:
             held |= run.force.state_arrays
         for key, array in held.items():
             array[:] = arrays[key]
+        run.force.elapse(0.0)
         run.state = State(**progress["state"])
         if progress["earlier"] is not None:
             run.earlier = progress["earlier"], arrays["earlier"].copy()

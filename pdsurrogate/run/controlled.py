@@ -46,11 +46,12 @@ class DisplacementPath:
     def parameter_at(self, goal: float) -> float:
         return self._run.state.parameter
 
-    def increments_to(self, goal: float) -> Increments:
+    def increments_to(self, goal: float, time: float) -> Increments:
         begin = self._value(self._run.positions)
         strain = strain_of_step(self._run.body, self._along())
         largest = self._run.problem.scene.solver.largest_increment / strain
-        return Increments(begin, goal, min(self._stage.largest_increment or np.inf, largest))
+        largest = min(self._stage.largest_increment or np.inf, largest)
+        return Increments(begin, goal, largest, time)
 
     def at(self, value: float) -> str:
         return f"{self._stage.control} = {value:g}"

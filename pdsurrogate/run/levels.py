@@ -140,11 +140,14 @@ class Equilibria:
             run.target = self._path.parameter_at(goal)
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             self._last_output = _Accepted(run, self.solver)
-            equilibrium = self._go_to_output(self._path.increments_to(goal))
+            due = (self.stage.duration or 0.0) * ((state.outputs + 1) / self.stage.outputs)
+            increments = self._path.increments_to(goal, due - state.time)
+            equilibrium = self._go_to_output(increments)
             if equilibrium is None:
                 self._last_output.restore(run, self.solver)
                 return False
             state.outputs += 1
+            state.time = due
             self._record(equilibrium)
             self._checkpoint()
         return True
@@ -182,6 +185,7 @@ class Equilibria:
                 self._shorten(increments, told, error)
                 continue
             run.force.accept(run.positions)
+            state.time += increments.duration
             taken = run.force.evaluations - began
             run.earlier = accepted.parameter, accepted.arrays["positions"]
             if increments.accept():
@@ -204,10 +208,12 @@ class Equilibria:
         run = self.run
         state = self.run.state
         target = increments.target
+        run.force.elapse(increments.duration)
         before = run.positions.copy()
         guess = self._best(self._path.guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
-        if not increments.ends:
+        # A history is that of all states, an elastic state forgets the ones before it.
+        if not (increments.ends or run.force.history):
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
         self._path.force_at(target, guess)
         run.positions[:] = guess
@@ -341,6 +347,8 @@ class Equilibria:
         )
         state.greatest_drive = max(state.greatest_drive, drive or 0.0)
         level = output_row(run, drive=drive)
+        if self.stage.duration is not None:
+            level["time"] = state.elapsed + state.time
         level |= {
             "residual": equilibrium.residual,
             "evaluations": equilibrium.evaluations,
@@ -363,7 +371,7 @@ class Equilibria:
         )
         logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
         state.history.append(equilibrium_columns(run, level))
-        run.record()
+        run.record(state.time)
 
 
 class _Accepted:
@@ -373,6 +381,7 @@ class _Accepted:
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter = run.state.parameter
+        self.time = run.state.time
         self.earlier = run.earlier
         self.gave_up = solver.gave_up
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
@@ -380,10 +389,12 @@ class _Accepted:
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Bring a run and its solver back to this equilibrium."""
         run.state.parameter = self.parameter
+        run.state.time = self.time
         run.earlier = self.earlier
         solver.gave_up = self.gave_up
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
+        run.force.elapse(0.0)
         run.loading.apply(self.parameter, run.loaded, run.positions)
 
 

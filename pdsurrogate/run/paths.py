@@ -36,8 +36,10 @@ class ParameterPath:
         """
         return goal
 
-    def increments_to(self, goal: float) -> Increments:
-        """Return the increments from the present equilibrium to the next output."""
+    def increments_to(self, goal: float, time: float) -> Increments:
+        """Return the increments from the present equilibrium to the next output, which take a
+        `time`.
+        """
         run = self.run
         begin = self.run.state.parameter
         return Increments(
@@ -46,6 +48,7 @@ class ParameterPath:
             self.run.loading.course.largest_increment(
                 run.positions, begin, goal, self.stage.largest_increment
             ),
+            time,
         )
 
     def at(self, value: float) -> str:

@@ -28,15 +28,19 @@ def check_models(
                 f"{method}: there are no {what} with {model.name}, {why}: the forces of"
                 f" {model.name} have no energy: use bond-energy"
             )
-        if any(term.keeps for term in model.terms(scene.plane)):
-            raise ValueError(
-                f"{method}: there are no {what} with {model.name}, whose forces depend on earlier"
-                " states of the body"
-            )
         if "float64" not in model.honored(scene.plane)["precision"]:
             raise ValueError(
                 f"{method}: {model.name} cannot be evaluated in double precision, which {what} need"
             )
+    specs = [scene.material, *(part.material for part in scene.materials)]
+    laws = [spec.build() for spec in specs if spec is not None and not spec.rigid]
+    if any(law.memory for law in laws) or any(
+        term.keeps for model in models for term in model.terms(scene.plane)
+    ):
+        raise ValueError(
+            f"{method}: there are no {what} here: the forces depend on earlier states of the body,"
+            " as with branches or softening"
+        )
 
 
 def number_of_output(
@@ -54,7 +58,7 @@ def number_of_output(
             f"level: the result has {len(levels)} outputs, none with the number {level}"
         )
     number = level % len(levels)
-    if "time" in levels[number]:
+    if "kinetic_energy" in levels[number]:
         raise ValueError(
             f"level: output {number} is one of dynamics; {what} are those of equilibria"
         )

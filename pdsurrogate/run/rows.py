@@ -84,7 +84,7 @@ def contact_by_name(run: Run) -> dict[str, dict[str, float]]:
 
 def place_columns(run: Run, time: float | None = None) -> dict:
     """Return the first columns of a row of the history: stage, loading parameter, number of
-    force evaluations, and time in dynamics.
+    force evaluations, and time if it has one.
     """
     row = {
         "step": run.state.stage,
@@ -110,10 +110,10 @@ def equilibrium_columns(run: Run, level: dict) -> dict:
     """Return the row of the history at an output in equilibrium, given `level`, the measurements
     from `output_row`.
     """
-    row = place_columns(run)
+    row = place_columns(run, level.get("time"))
     if "nominal_stress" in level:
         row["nominal_stress"] = level["nominal_stress"]
-    row["strain_energy"] = run.strain_energy()
+    row |= {"strain_energy": run.strain_energy()} | dissipated_columns(run)
     row |= component_columns("force", level["forces"]) | component_columns(
         "moment", level.get("moments", {})
     )
@@ -121,6 +121,13 @@ def equilibrium_columns(run: Run, level: dict) -> dict:
         for kind in ("force", "moment"):
             row |= component_columns(kind, {f"{name}_rigid": region[kind]})
     return row | state_columns(run)
+
+
+def dissipated_columns(run: Run) -> dict[str, float]:
+    """Return the columns of a row of the history about energy that the materials have dissipated
+    since the body was at rest; none if they have no memory.
+    """
+    return {f"dissipated_by_{cause}": value for cause, value in run.dissipated_energy().items()}
 
 
 def component_columns(kind: str, values: dict[str, np.ndarray | list | float]) -> dict[str, float]:
@@ -191,6 +198,8 @@ def output_row(
         row["contact"] = contact_by_name(run)
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
+        if dissipated := run.dissipated_energy():
+            row["dissipated_energy"] = dissipated
     if regions := run.loaded.rigid:
         internal = internal_forces(run.force)
         row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
@@ -227,8 +236,8 @@ def crack_rows(run: Run) -> list[dict]:
     """Return tip, length and energy release rate of every crack that grows from a precut, theory
     (74), (75), in the state last evaluated.
 
-    A rate is None if there is no room for its domain, or the body has several materials; `remark`
-    then says why. ``closed`` tells whether the faces of the precut overlap.
+    A rate is None if there is no room for its domain, or the body has several materials, branches
+    or softening; `remark` then says why. ``closed`` tells whether the faces of the precut overlap.
     """
     body = run.body
     force = run.force
@@ -243,7 +252,9 @@ def crack_rows(run: Run) -> list[dict]:
         reach = None
         rate = None
         remark = "the body has several materials"
-        if force.portion_of is None:
+        if force.history:
+            remark = "the material has branches or softening, which dissipate energy around a crack"
+        elif force.portion_of is None:
             reach, remark = found.reach(front, fronts, _nearest(run, front, loads))
         if reach is not None:
             motion = front.motion(body.points, reach)

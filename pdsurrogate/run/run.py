@@ -204,9 +204,7 @@ class Run(System):
         self.state.convergence.append(place | entries)
 
     def record(self, time: float = 0.0) -> None:
-        """Store the fields of the present state; in dynamics `time` is the time since the stage
-        began.
-        """
+        """Store the fields of the present state, at a `time` since the stage began."""
         damage = None if self.damage is None else self.damage.at_points()
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:

@@ -71,6 +71,8 @@ def go(
             state.elapsed += current.account.time
         else:
             run.velocities = None
+            state.elapsed += state.time
+            state.time = 0.0
         state.stage = follows
         state.outputs = 0
         current = None

@@ -17,7 +17,9 @@ class State:
     stage, outputs : int
         Number of the present stage, and number of its outputs so far.
     elapsed : float
-        Time that earlier stages in dynamics took.
+        Time that earlier stages took, of those in equilibrium those with a duration.
+    time : float
+        Time since the present stage began, if it is in equilibrium.
     steps : int
         Steps in dynamics.
     greatest_drive : float
@@ -40,6 +42,7 @@ class State:
     stage: int = 0
     outputs: int = 0
     elapsed: float = 0.0
+    time: float = 0.0
     steps: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import ForceModel, InternalForce
-from ..forces.internal_force import numbers_in_place
+from ..forces.internal_force import dissipated_by, numbers_in_place
 from ..problem import Problem
 from ..problem.materials import scene_errors
 from ..ranks import Communicator
@@ -79,6 +79,13 @@ class System:
         unit thickness (`measures.strain_energy`).
         """
         return self.body.share.total(measures.strain_energy(self.force))
+
+    def dissipated_energy(self) -> dict[str, float]:
+        """Return the energy that the materials have dissipated since the body was at rest, by its
+        cause, "branches" or "softening"; empty without memory.
+        """
+        total = self.body.share.total
+        return {cause: total(energy) for cause, energy in dissipated_by(self.force).items()}
 
     def place(self, positions: np.ndarray) -> None:
         """Bring the body to positions (n, d), with its supports and loads in their places."""

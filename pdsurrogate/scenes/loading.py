@@ -243,6 +243,10 @@ class Step(StrictModel):
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
+    duration : float, optional
+        Time that a step in equilibrium takes, in which t changes linearly; 0 is a sudden change.
+        Materials with branches need it. Either all steps in equilibrium have a duration or none.
+        Unit: time.
     control : str, optional
         Component of the displacement of a probe, such as ``"probes.tip.displacement.0"``
         (components count from 0), that the step changes in place of t. `to` and `largest_increment`
@@ -264,6 +268,7 @@ class Step(StrictModel):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     largest_increment: Positive | None = None
     dynamics: StepDynamics | None = None
+    duration: Annotated[Finite, Field(ge=0)] | None = None
     control: Annotated[str, Field(pattern=CONTROLLED)] | None = None
 
     @model_validator(mode="before")
@@ -278,6 +283,10 @@ class Step(StrictModel):
     def model_post_init(self, _) -> None:
         if self.dynamics is not None and self.largest_increment is not None:
             raise ValueError("largest_increment does not apply to a step in dynamics: leave it out")
+        if self.dynamics is not None and self.duration is not None:
+            raise ValueError(
+                "duration is that of a step in equilibrium: give dynamics.duration alone"
+            )
         if self.dynamics is not None and self.control is not None:
             raise ValueError("control does not apply to a step in dynamics: leave it out")
 

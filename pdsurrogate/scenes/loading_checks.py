@@ -3,6 +3,7 @@ ValueError with the key of the wrong part.
 """
 
 import math
+from itertools import pairwise
 
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
@@ -33,7 +34,9 @@ def check_loading(scene: SceneData) -> None:
 
 def _way_of_loading(scene: SceneData) -> None:
     general = [key for key in ("prescribed", "loads", "obstacles", "steps") if getattr(scene, key)]
-    short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
+    short = [
+        key for key in ("grips", "stretches", "times", "holds", "dynamics") if getattr(scene, key)
+    ]
     if general and short:
         ways = (
             "use grips and stretches (with holds and dynamics), or prescribed, loads and obstacles"
@@ -106,6 +109,21 @@ def _grips(scene: SceneData) -> None:
 
 
 def _program(scene: SceneData) -> None:
+    if scene.times:
+        if len(scene.times) != len(scene.stretches):
+            raise ValueError(
+                f"times: needs one time for each of the {len(scene.stretches)} stretches, not"
+                f" {len(scene.times)}"
+            )
+        if any(later < earlier for earlier, later in pairwise(scene.times)):
+            raise ValueError("times: no time may be before the one of an earlier stretch")
+    still = [entry for entry in entries_of(scene, "steps") if entry[1].dynamics is None]
+    timeless = [key for key, step in still if step.duration is None]
+    if timeless and len(timeless) < len(still):
+        raise ValueError(
+            f"{timeless[0]}.duration: missing; other steps in equilibrium have one, and the time of"
+            " their outputs needs all"
+        )
     begin = 0.0
     before = None
     for key, step in entries_of(scene, "steps"):

@@ -110,8 +110,8 @@ class MaterialSpec(StrictModel):
     law : str
         Name of a law, or ``"rigid"``.
     branches : list of BranchSpec
-        Viscoelastic branches beside the elastic energy. `pdsurrogate export` takes them and
-        `softening`; runs refuse them so far.
+        Viscoelastic branches beside the elastic energy. In equilibrium they need the `times` of
+        `stretches`, or a `duration` of steps.
     prony : list of pair of float
         Branches as a Prony series: pairs of a ratio and a relaxation time. A ratio is the modulus
         of the branch over that of fast motions, which `shear_modulus` and the moduli of all
@@ -521,6 +521,7 @@ class SceneData(StrictModel):
     title: str = ""
     spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
     stretches: Annotated[tuple[Level, ...], _OneOrMany] = ()
+    times: Annotated[tuple[Annotated[Finite, Field(ge=0)], ...], _OneOrMany] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()

@@ -35,6 +35,10 @@ class Scene(SceneData):
         Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of
         the grips divided by their undeformed distance. A single number means a list with this
         number. Unit: none.
+    times : float or list of float
+        Time at which each of `stretches` is reached, from 0 for the undeformed body on, in which
+        the stretch changes linearly; two equal times are a sudden change, two equal stretches a
+        hold. Materials with branches need them. Unit: time.
     body : shape or Mesh
         Shape of the undeformed body; without the key ``shape`` it is a rectangle.
     holes : list of shapes

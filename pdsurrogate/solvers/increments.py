@@ -27,6 +27,8 @@ class Increments:
         Values of the loading parameter.
     largest : float
         Bound of the planned increments.
+    time : float
+        Time in which the loading parameter goes from one value to the other.
 
     Attributes
     ----------
@@ -34,12 +36,18 @@ class Increments:
         The present increment divided by the planned one.
     """
 
-    def __init__(self, start: float, end: float, largest: float) -> None:
+    def __init__(self, start: float, end: float, largest: float, time: float = 0.0) -> None:
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
         # The unit is the planned increment; sums of powers of one half are exact.
         self._done = 0.0
         self.share = 1.0
+        self._time = time
+
+    @property
+    def duration(self) -> float:
+        """Time that the present increment takes."""
+        return self._time * self.share / self._count
 
     @property
     def finished(self) -> bool:

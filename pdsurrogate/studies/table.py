@@ -45,8 +45,9 @@ KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
         crack
         """,
         """
-        stretch t step time forces moments displacements energy kinetic_energy stability probes
-        nominal_stress nominal_stress_reference nominal_stress_error lateral_displacement
+        stretch t step time forces moments displacements energy kinetic_energy dissipated_energy
+        stability probes nominal_stress nominal_stress_reference nominal_stress_error
+        lateral_displacement
         lateral_displacement_reference lateral_displacement_error greatest_lateral_displacement
         greatest_lateral_displacement_reference greatest_lateral_displacement_error
         nominal_stress_grip nominal_stress_area nominal_stress_work_conjugate roughness residual

@@ -37,7 +37,7 @@ def test_learned_energies_get_the_difference_of_the_exact_law(precision):
     found = {}
     for name in ("neo-hookean-energy", "bond-energy"):
         for memory in (MEMORY, Memory()):
-            force = bound(name, memory, precision=precision)
+            force = bound(name, memory, (3.0, 1.0), precision)  # of several blocks and chunks
             _, out = after_a_step(force)
             energies = np.array([force.energy(), stored_by(force)])
             found[name, bool(memory)] = out, energies, *force.stress_and_energy()
@@ -82,9 +82,10 @@ def test_learned_forces_are_the_derivative_of_their_energy(stretch):
     check_gradient(force, positions * [stretch / 1.3, 1.0])
 
 
-def test_thickness_of_a_pair_depends_on_no_other():
+@pytest.mark.parametrize("softening", [None, MEMORY.softening])
+def test_thickness_of_a_pair_depends_on_no_other(softening):
     """Pairs of a block of which one is far from rest take as many steps as if it were not."""
-    force = bound("bond-energy", MEMORY, sides=(2.0, 0.3))
+    force = bound("bond-energy", Memory(MEMORY.branches, softening), sides=(2.0, 0.3))
     positions, _ = after_a_step(force)
     moved = positions.copy()
     moved[np.argmax(positions[:, 0])] += 0.03
@@ -97,3 +98,10 @@ def test_thickness_of_a_pair_depends_on_no_other():
         evaluate(force, each)
         found.append(force.pair_forces(far))
     assert np.array_equal(*found)
+
+
+def test_threads_share_no_working_memory():
+    force = bound("neo-hookean-energy", MEMORY, sides=(5.0, 5.0))
+    positions, out = after_a_step(force)
+    for _ in range(5):
+        assert np.array_equal(evaluate(force, positions), out)

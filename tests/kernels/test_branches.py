@@ -39,8 +39,7 @@ def test_step_is_the_minimum_of_an_energy(d, h):
     B, b = of.begin_step(components(C, d), components(begin, d), h)
 
     def step(Cb):
-        values = components(Cb, d)
-        return of.take_step(B, b, values, of.cofactor_of(values))
+        return of.take_step(B, b, components(Cb, d))
 
     M, energy = step(end)
     found = matrix_of(of.end_step(B, b, components(end, d)), d)

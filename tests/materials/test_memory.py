@@ -45,14 +45,3 @@ def test_a_model_without_memory_refuses_branches():
     law = NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
     with pytest.raises(ValueError, match="does not describe branches"):
         pds.forces.NOSBForce().bind(body, law, pds.ForceSettings())
-
-
-@pytest.mark.parametrize("memory", ["branches", "softening"])
-def test_a_run_refuses_memory(memory):
-    given = {
-        "material.branches": [{"modulus": 1.0, "time": 1.0}],
-        "material.softening": {"r": 1.5, "m": 0.1},
-    }
-    scene = pds.load_scene("bonded-block", {f"material.{memory}": given[f"material.{memory}"]})
-    with pytest.raises(pds.SceneError, match="runs do not have yet"):
-        pds.simulate(scene, "bond-energy")

@@ -12,7 +12,7 @@ import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
-from pdsurrogate.materials import NeoHookean, plane_stress
+from pdsurrogate.materials import Branch, Memory, NeoHookean, plane_stress
 from pdsurrogate.problem.loads import loads_of
 from pdsurrogate.solvers.loaded_force import LoadedForce
 from pdsurrogate.testing.bodies import wavy
@@ -371,6 +371,16 @@ def test_pressures_without_a_potential_say_why():
         assert why in loaded.no_energy_because
     assert loads_on(body, surface, deformed, plane="strain").no_potential_because is None
     assert not loads_on(body, surface, deformed, plane="strain").needs_thickness
+
+
+def test_edges_with_memory_have_the_thickness_of_their_points():
+    """The thickness by the law alone is that of an elastic state."""
+    body, surface = holed_sheet()
+    scene = scene_of({"region": "holes", "pressure": 1.0})
+    relaxing = NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
+    for law, continued in ((NeoHookean(), False), (relaxing, True)):
+        loads = loads_of(scene, body, Regions(body, surface), [law])
+        assert loads.needs_thickness is continued
 
 
 def test_states_without_a_load_are_invalid():

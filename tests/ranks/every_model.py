@@ -4,7 +4,9 @@ import numpy as np
 from force_models import TABLE
 
 from pdsurrogate.body import ReflectionPlane, divided
-from pdsurrogate.forces import ForceSettings
+from pdsurrogate.forces import BondEnergyForce, ForceSettings
+from pdsurrogate.forces.internal_force import dissipated_by, stored_by
+from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
 from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.testing.bodies import Deformation, notched
@@ -101,3 +103,26 @@ def balanced(steps, names, breaks=False):
     `breaks`.
     """
     return arrays(steps, names, outward=pulled, torn=crossing if breaks else None)
+
+
+def remembered():
+    """Forces and energies of bodies with branches and softening in states accepted one after
+    another, from bonds with histories of their own.
+    """
+    ranks, found = communicator(), {}
+    memory = Memory((Branch(2.0, 1.0), Branch(0.5, 10.0)), Softening(1.5, 0.01, 0.1))
+    law = NeoHookean(shear_modulus=2.0, memory=memory)
+    for plane, d in (("strain", 2), ("stress", 2), ("space", 3)):
+        whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
+        body = divided(whole, ranks) if ranks.size > 1 else whole
+        force = BondEnergyForce().bind(body, law, ForceSettings(plane=plane))
+        forces = np.empty_like(body.points)
+        for number, stretch in enumerate((1.1, 1.3, 1.15, 1.2)):
+            positions = Deformation(stretch, 0.95, 0.0, 0.0, 0.0003 * number, 1)(body.points)
+            force.elapse(0.4 * number)
+            force(positions, forces)
+            found[f"{plane}, {number}: forces"] = np.array(body.share.gather(forces))
+            force.accept(positions)
+        kept = stored_by(force), *dissipated_by(force).values()
+        found[f"{plane}: energies"] = np.array([body.share.total(one) for one in kept])
+    return found

@@ -157,6 +157,15 @@ def test_a_term_with_history_keeps_its_own_points(ranks):
 
 
 @several
+def test_branches_and_softening_have_the_same_bits(ranks):
+    alone = ranks.loaded(1, "remembered", module="every_model")[0]["value"]
+    for name, values in ranks(2, "remembered", module="every_model")[0]["value"].items():
+        tolerance = 1e-12 if "energies" in name else 0.0
+        np.testing.assert_allclose(values, alone[name], rtol=tolerance, atol=0, err_msg=name)
+        assert np.all(np.max(np.abs(values), axis=0) > 0)
+
+
+@several
 def test_balanced_pairs_have_the_same_bits(ranks):
     models = "analytic", "neo-hookean"
     alone = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]

@@ -1,0 +1,199 @@
+"""Runs of materials with branches and softening: time in equilibrium, accounts, checkpoints."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from memory_references import Rubber
+from stopping import killed_with_levels
+
+import pdsurrogate as pds
+
+BRANCHES = [{"modulus": 1.0, "time": 1.0}]
+STRIP = {
+    "name": "strip",
+    "spacing": 0.25,
+    "plane": "strain",
+    "horizon_ratio": 1.75,
+    "body": {"shape": "rectangle", "size": [1.0, 0.5]},
+    "material": {"law": "neo-hookean", "branches": BRANCHES},
+    "grips": [
+        {"edge": "left", "holds": "normal"},
+        {"edge": "right", "holds": "normal", "travel": 1.0},
+    ],
+    "stretches": [1.3, 1.3, 1.1],
+    "times": [0.5, 2.0, 2.4],
+}
+MOVED = {
+    "prescribed": [
+        {"region": "left", "x1": 0.0},
+        {"region": "bottom", "x2": 0.0},
+        {"region": "right", "x1": 0.3},
+    ],
+    "grips": [],
+    "stretches": [],
+    "times": [],
+    "steps": [{"to": 1.0, "duration": 0.5, "outputs": 2}, {"to": 1.0, "duration": 1.5}],
+}
+
+
+def scene_of(**changes):
+    return pds.Scene(**{**STRIP, **changes})
+
+
+def divided(knots, stretches, parts):
+    """Return times and stretches of a program in equal parts between knots."""
+    times = np.concatenate(
+        [np.linspace(*pair, parts + 1)[1:] for pair in itertools.pairwise(knots)]
+    )
+    return times.tolist(), np.interp(times, knots, stretches).tolist()
+
+
+@pytest.mark.parametrize(("plane", "mode"), [("strain", "plane-strain"), ("stress", "uniaxial")])
+def test_stress_of_a_run_is_that_of_an_integration(plane, mode):
+    knots, stretches = [0.0, 0.5, 2.0, 2.4], [1.0, 1.3, 1.3, 1.1]
+    errors = []
+    for parts in (8, 16):
+        times, values = divided(knots, stretches, parts)
+        scene = scene_of(times=times, stretches=values, plane=plane)
+        result = pds.simulate(scene, "bond-energy")
+        expected = Rubber(branches=((1.0, 1.0),)).history(mode, knots, stretches, times)
+        found = np.array([level["nominal_stress"] for level in result.levels])
+        errors.append(np.abs(found - expected[:, 3]).max() / expected[:, 3].max())
+        lost = [level["dissipated_energy"]["branches"] for level in result.levels]
+        assert lost[-1] == pytest.approx(expected[-1, 6] * 0.5, rel=0.03)
+        assert (np.diff(lost) >= 0).all()
+        assert [level["time"] for level in result.levels] == pytest.approx(times)
+    assert errors[0] / errors[1] > 3.0
+    assert errors[1] < 3e-3
+
+
+def test_work_is_stored_or_dissipated():
+    """The work follows from forces and stretches of the results, by the trapezoidal rule."""
+    softening = {"r": 1.5, "m": 0.05, "beta": 0.1}
+    material = {"law": "neo-hookean", "branches": BRANCHES, "softening": softening}
+    times, values = divided([0.0, 0.5, 0.7, 1.2], [1.0, 1.5, 1.2, 1.4], 24)
+    result = pds.simulate(scene_of(material=material, times=times, stretches=values), "bond-energy")
+    rows = result.history
+    forces = np.array([0.0, *(row["force_right_1"] for row in rows)])
+    stretch = np.array([1.0, *values])
+    work = np.cumsum((forces[1:] + forces[:-1]) / 2 * np.diff(stretch))
+    held = [
+        row["strain_energy"] + row["dissipated_by_branches"] + row["dissipated_by_softening"]
+        for row in rows
+    ]
+    assert rows[-1]["dissipated_by_softening"] > 0.01 * work.max()
+    assert held == pytest.approx(work, abs=5e-3 * work.max())
+
+
+def test_steps_take_a_duration():
+    ways = [scene_of(stretches=[1.15, 1.3, 1.3], times=[0.25, 0.5, 2.0]), scene_of(**MOVED)]
+    short, general = (pds.simulate(scene, "bond-energy") for scene in ways)
+    assert [level["time"] for level in general.levels] == [0.25, 0.5, 2.0]
+    forces = [[level["forces"]["right"][0] for level in one.levels] for one in (short, general)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-6)
+
+
+def test_sudden_and_slow_changes_are_those_of_the_fast_and_the_relaxed_material():
+    scene = scene_of(stretches=[1.3, 1.3], times=[0.0, 1e9])
+    levels = pds.simulate(scene, "bond-energy").levels
+    for level, modulus in zip(levels, (2.0, 1.0), strict=True):
+        material = {"law": "neo-hookean", "shear_modulus": modulus, "bulk_modulus": 1e2}
+        elastic = scene_of(material=material, stretches=[1.3], times=[])
+        expected = pds.simulate(elastic, "bond-energy").levels[0]["nominal_stress"]
+        assert level["nominal_stress"] == pytest.approx(expected, rel=1e-5)
+
+
+def test_shortened_increments_take_their_share_of_the_time():
+    """Failures of long increments leave neither time nor history behind."""
+    program = {"stretches": [2.0, 2.0], "times": [1.0, 3.0]}
+    once = {"solver": {"largest_increment": 0.125}}
+    smooth = pds.simulate(scene_of(**program, **once), "bond-energy")
+    from pdsurrogate.run import levels
+    from pdsurrogate.solvers.equilibrium import NoEquilibrium
+
+    follow = levels.Equilibria._follow
+
+    def failing(self, increments):
+        equilibrium = follow(self, increments)
+        if increments.share > 0.25 and self.run.state.stage == 0:
+            raise NoEquilibrium("too long")
+        return equilibrium
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(levels.Equilibria, "_follow", failing)
+        wild = {"solver": {"largest_increment": 0.5}}
+        halting = pds.simulate(scene_of(**program, **wild), "bond-energy")
+    stresses = [[level["nominal_stress"] for level in one.levels] for one in (smooth, halting)]
+    assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
+    assert [level["time"] for level in halting.levels] == [1.0, 3.0]
+
+
+@pytest.mark.parametrize("dynamics", [False, True])
+def test_a_run_with_memory_resumes_to_the_same_bits(tmp_path, dynamics):
+    steps = [{"to": 0.5, "duration": 0.5, "outputs": 2}, {"to": 0.5, "duration": 1.0}]
+    if dynamics:
+        steps[1] = {"to": 0.6, "outputs": 2, "dynamics": {"duration": 0.5, "density": 0.1}}
+    scene = scene_of(**MOVED | {"steps": steps})
+    whole = pds.simulate(scene, "bond-energy", folder=tmp_path / "whole")
+    with killed_with_levels(2 + dynamics):
+        pds.simulate(scene, "bond-energy", folder=tmp_path / "part")
+    resumed = pds.simulate(scene, "bond-energy", folder=tmp_path / "part", resume=True)
+    assert json.dumps(resumed.history) == json.dumps(whole.history)
+    last = len(whole.states) - 1
+    for name in whole.field_names():
+        assert np.array_equal(whole.field(name, last), resumed.field(name, last))
+
+
+def test_the_account_of_dynamics_contains_what_branches_dissipate():
+    """A body that is let go after a sudden pull comes to rest by its branches alone."""
+    steps = [
+        {"to": 1.0, "duration": 0.0},
+        {"to": 0.9, "outputs": 4, "dynamics": {"duration": 4.0, "density": 0.2}},
+    ]
+    result = pds.simulate(scene_of(**MOVED | {"steps": steps}), "bond-energy")
+    account = result.summary["dynamics"][0]
+    row = result.history[-1]
+    assert row["dissipated_by_branches"] > 0.1 * account["energy_put_in"]
+    assert abs(account["greatest_energy_gap"]) < 0.5
+    assert account["remark"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"times": []}, "times: missing"),
+        ({"times": [1.0]}, "needs one time for each of the 3 stretches"),
+        ({"times": [1.0, 0.5, 2.0]}, "before the one of an earlier"),
+        (MOVED | {"steps": [1.0]}, r"steps\.0\.duration: missing"),
+        (MOVED | {"steps": [{"to": 0.5, "duration": 1.0}, 1.0]}, r"steps\.1\.duration: missing"),
+        (
+            MOVED
+            | {
+                "steps": [{"to": 1, "duration": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]
+            },
+            "dynamics.duration",
+        ),
+    ],
+)
+def test_programs_without_the_time_that_branches_need_are_refused(changes, told):
+    with pytest.raises(ValueError, match=told):
+        pds.simulate(scene_of(**changes), "bond-energy")
+
+
+def test_derivatives_are_refused_with_the_reason():
+    result = pds.simulate(scene_of(stretches=[1.1], times=[1.0]), "bond-energy")
+    with pytest.raises(ValueError, match="earlier states"):
+        result.sensitivity(["nominal_stress"], ["material.shear_modulus"])
+
+
+def test_a_scene_without_memory_takes_times_and_forgets_them():
+    material = {"law": "neo-hookean"}
+    timed, timeless = (
+        pds.simulate(scene_of(material=material, times=times), "bond-energy")
+        for times in ([0.5, 2.0, 2.4], [])
+    )
+    for one, other in zip(timed.levels, timeless.levels, strict=True):
+        assert one["nominal_stress"] == other["nominal_stress"]
+    assert [level["time"] for level in timed.levels] == [0.5, 2.0, 2.4]
