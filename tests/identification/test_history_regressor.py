@@ -153,6 +153,13 @@ def test_an_energy_without_a_law_predicts_a_rate_that_is_left_out():
     assert found.domain_hull()
 
 
+def test_rows_without_weight_are_part_of_histories_alone():
+    X, y = cycles(LAWS[0])
+    weight = np.tile([1.0, 0.0], len(y) // 2)
+    found = HistoryRegressor("neo-hookean", 2).fit(X, np.where(weight, y, 2 * y), weight)
+    assert found.parameters_ == pytest.approx([1.0, 0.5, 0.3, 2.0, 40.0], rel=1e-4)
+
+
 def test_elastic_stresses_have_no_branches():
     law = pds.materials.NeoHookean()
     found = HistoryRegressor("neo-hookean").fit(*cycles(law, 0.01))
