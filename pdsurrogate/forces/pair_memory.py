@@ -72,11 +72,8 @@ class PairMemory:
         own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
         numbers = np.zeros(len(part.forces), dtype=np.uint32)
         numbers[: len(own)] = own
-        rows = branches * (tensors.TENSOR + 1) + 2 * softened
+        rows = branches * tensors.STEP + 2 * softened
         coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
-        for branch in range(branches):
-            first = branch * (tensors.TENSOR + 1)
-            coefficients[:, first : first + tensors.TENSOR] = np.reshape(tensors.DIAGONAL, (-1, 1))
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
         memory = buffers if precision == "float64" else aligned_rows(buffers.shape, precision, 1)
         self._coefficients = coefficients
@@ -175,8 +172,8 @@ class PairMemory:
         Cb = tensors.isochoric(tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), C33), J3)
         total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
-            B = rows[branch * (len(Cb) + 1) :]
-            M, _ = tensors.take_step(B[: len(Cb)], B[len(Cb)], Cb)
+            B, b = tensors.step_in(rows[branch * tensors.STEP :], slice(None), 1.0)
+            M, _ = tensors.take_step(B, b, Cb)
             total += modulus * np.array(M)
         energy = (tensors.contraction(total, Cb) - 3 * self._moduli.sum()) / 2
         eta = np.ones(len(F))

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..materials import Branch, Law, Memory, Softening
-from .averaging import nonnegative
 from .branch_search import Curves
 from .branch_start import Problem, Start
 from .elastic_part import Elastic
@@ -31,6 +30,12 @@ CERTAIN = 2.0
 
 SOFTENING = {"r": (1.0, 100.0), "m": (1e-5, 1e3), "beta": (0.0, 10.0)}
 """Bounds of the parameters of softening; those of m are in units of the greatest energy."""
+
+ROUNDS = 20
+SETTLED = 1e-3
+"""Most rounds of a fit and of the factors of curves that it leaves, and the change of these factors
+that ends them.
+"""
 
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
@@ -94,8 +99,8 @@ def linear(law: str, problem: Problem, start: Start, times: np.ndarray) -> tuple
     """Return the form of a fit of a law with a start and times, without branches and terms that
     have no share of the stresses, and its parameters.
     """
-    elastic, curves, y, root, keys = problem
-    sizes = nonnegative(np.column_stack([start.columns, curves.columns(times)]), y, root)
+    elastic, curves, y, root, keys, *_ = problem
+    sizes, _ = problem.solved(np.column_stack([start.columns, curves.columns(times)]))
     sizes, moduli = np.split(sizes, [elastic.linear])
     shares = np.linalg.norm(root[:, None] * start.columns, axis=0) * sizes
     kept = shares > NEGLIGIBLE * np.linalg.norm(root * y)
@@ -121,9 +126,22 @@ def restart(problem: Problem, form: Form, values: np.ndarray) -> Start:
     return Start(shape, softening, factor[:, None] * problem.elastic.columns(shape))
 
 
+def settled(problem: Problem, form: Form, start: np.ndarray) -> tuple[Problem, Refined]:
+    """Return a problem with the factors of its curves that a fit leaves, and this fit, in turn
+    until both are settled.
+    """
+    for _ in range(ROUNDS):
+        found = refine(problem, form, start)
+        before, start = problem, found.values
+        problem = problem.after(problem.curves.stress(form.law(start)))
+        if np.abs(problem.factors - before.factors).max() <= SETTLED:
+            break
+    return problem, found
+
+
 def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     """Return the parameters of a form with which it fits the stresses best, from a start."""
-    _, curves, y, root, _ = problem
+    curves, y, root = problem.curves, problem.y, problem.root
     low, high, logarithmic = _search_range(form, curves, y, start)
     k, scale = form.branches, np.abs(y).max()
     before, elastic_form = len(start) - 2 * k, form._replace(branches=0)
@@ -133,15 +151,15 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
 
     def elastic(values):
         try:
-            found = curves.elastic(elastic_form.law(values[:before]))
+            return curves.elastic(elastic_form.law(values[:before]))
         except ValueError:  # parameters between the bounds that are not those of a law
-            found = np.array([np.nan])
-        return found if np.isfinite(found).all() else np.full(len(y), FAILED / root)
+            return np.full(len(y), np.nan)
 
     def residuals(x):
         values = value(x)
         _, _, moduli, times = form.parts(values)
-        return root * (elastic(values) + curves.columns(times) @ moduli - y)
+        found = root * (elastic(values) + curves.columns(times) @ moduli - y)
+        return found if np.isfinite(found).all() else np.full(len(y), FAILED)
 
     def jacobian(x):
         values = value(x)
@@ -156,9 +174,8 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
             columns.append((elastic(value(moved)) - here) / (moved[place] - x[place]))
         relaxing = curves.columns(np.r_[times, times * np.exp(DIFFERENCE)])
         relaxing, moved = relaxing[:, :k], relaxing[:, k:]
-        return root[:, None] * np.column_stack(
-            [*columns, relaxing, moduli * (moved - relaxing) / DIFFERENCE]
-        )
+        table = np.column_stack([*columns, relaxing, moduli * (moved - relaxing) / DIFFERENCE])
+        return root[:, None] * np.nan_to_num(table, posinf=0.0, neginf=0.0)
 
     ends = low, high, np.clip(start, low, high)
     low, high, x = (np.log(one, out=one.copy(), where=logarithmic) for one in ends)
@@ -169,8 +186,8 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
         jacobian,
         bounds=(low, high),
         x_scale="jac",
-        xtol=1e-10,
-        ftol=1e-10,
+        xtol=1e-8,
+        ftol=1e-8,
         gtol=1e-12,
         max_nfev=MOST_EVALUATIONS,
     )
@@ -179,6 +196,7 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     shares = np.linalg.norm(found.jac, axis=0) * np.where(low == 0, values, 1.0)
     known = np.flatnonzero(~at_bound & (shares > NEGLIGIBLE * np.linalg.norm(root * y)))
     slopes = found.jac / np.where(logarithmic, values, 1.0)
+    slopes = problem.independent(slopes, y + found.fun / root)
     covariance = np.full((len(values), len(values)), np.inf)
     covariance[np.ix_(known, known)] = covariance_at(slopes[:, known], 2 * found.cost)
     order = np.r_[

@@ -191,9 +191,9 @@ class Candidates(NamedTuple):
 
 def choose(
     elastic: np.ndarray,
-    grid: np.ndarray,
     relaxing: np.ndarray,
     y: np.ndarray,
+    grid: np.ndarray,
     curve: np.ndarray,
     number: int | None,
 ) -> Choice:

@@ -61,6 +61,12 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
             f"{model.form}: all curves unload from nearly one stretch, so that beta of softening"
             " is not told from m, and is 0; unload from others too"
         )
+    if (scatter := float(model.factors_.std())) > 0:
+        judgement["remarks"].append(
+            f"{model.form}: the stresses of curves differ by factors with a standard deviation of"
+            f" {100 * scatter:.1f} %, as areas that are off would have: each has its factor in the"
+            " fit"
+        )
     if model.branches is None and not model.law_.memory.branches:
         judgement["remarks"].append(
             f"{model.form}: the data show no relaxation beyond their errors, so that there are no"
@@ -73,6 +79,7 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         **parameters_of(model),
         "rates": model.rates_ and [*model.rates_],
         "curves": curves,
+        "factors": model.factors_.tolist(),
         "cross_validation": model.cross_validation_,
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),

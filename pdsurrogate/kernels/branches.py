@@ -134,11 +134,14 @@ def _components(d):
     ]
     return {
         "TENSOR": len(kept),
+        # Rows of (B, b): in the plane the entry 33 of B follows from det B = 1.
+        "STEP": 4 if d == 2 else 7,
+        "kept_of": entries("B", [f"B[{n}]" for n in (range(3) if d == 2 else numbers)]),
         "PLACES": kept,
         "DIAGONAL": tuple(float(r == c) for r, c in kept),
         # The tensors in rows of a block, in the precision of x, and in listed records.
         "tensor_at": entries("rows, k", [f"rows[{n}, k]" for n in numbers]),
-        "tensor_in": entries("rows, at, k, x", [f"like(x, rows[at + {n}, k])" for n in numbers]),
+        "tensor_in": entries("rows, k, x", [f"like(x, rows[{n}, k])" for n in numbers]),
         "take_listed": vector_loads.take_listed(len(kept)),
         "scaled": entries("factor, A", [f"factor * A[{n}]" for n in numbers]),
         # A + factor G, and A : G.
@@ -189,6 +192,18 @@ def _steps(tensors):
         B = tensors.combined(tensors.scaled(decay, C_k), h * begin, Cb)
         r = inverse_cube_root(tensors.determinant_by(B, tensors.cofactor_of(B)))
         return tensors.scaled(r, B), r * h * end
+
+    @inlined
+    def step_in_plane(rows, k, x):
+        """Return (B, b) in the precision of x, from rows of `kept_of` B and b."""
+        one = like(x, 1.0)
+        B11, B12, B22, b = tensors.tensor_in(rows, k, x)
+        return (B11, B12, B22, one / (B11 * B22 - B12 * B12)), b
+
+    @inlined
+    def step_in_space(rows, k, x):
+        """Return (B, b) in the precision of x, from rows of `kept_of` B and b."""
+        return tensors.tensor_in(rows, k, x), like(x, rows[6, k])
 
     @inlined
     def in_plane(B, b, Cb):
@@ -254,6 +269,7 @@ def _steps(tensors):
         )
 
     return {
+        "step_in": step_in_plane if tensors.TENSOR == 4 else step_in_space,
         "isochoric": isochoric,
         "begin_step": begin_step,
         "take_step": take_step,

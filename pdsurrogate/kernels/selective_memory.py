@@ -65,14 +65,14 @@ def begin_steps(algebra):
                 place = branch * tensor
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(states, states.shape[1], pairs, at + k, place, C_k, k)
-                found = rows_from(into, branch * (tensor + 1))
+                found = rows_from(into, branch * tensors.STEP)
                 for k in range(BLOCK):
                     B, b = tensors.begin_step(
                         tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), h
                     )
-                    put_column(found, k, (*B, min(b, greatest_b)))
+                    put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
             if softening.shape[0] > 0:
-                known = rows_from(into, times.shape[0] * (tensor + 1))
+                known = rows_from(into, times.shape[0] * tensors.STEP)
                 for k in range(BLOCK):
                     known[0, k] = greatest[pairs[at + k]] / unit
                 for k in range(BLOCK):
@@ -97,7 +97,7 @@ def pair_energies(algebra):
     volume = dimension + 1
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
-    fetch_steps = fetch(4 * (tensor + 1))
+    fetch_steps = fetch(4 * tensors.STEP)
     fetch_force = fetch(4 * dimension, to_write=True)
     fetch_moment = fetch(4 * matrix, to_write=True)
 
@@ -164,7 +164,7 @@ def pair_energies(algebra):
                 bonds[0, k] = pressure_of(share, pressures, ends, at, k)
                 bonds[1, k] = result[3, k]
             if softening.shape[0] > 0:
-                known = rows_from(steps, moduli.shape[0] * (tensor + 1))
+                known = rows_from(steps, moduli.shape[0] * tensors.STEP)
                 for k in range(BLOCK):
                     eta, potential, rest = soften(
                         np.float64(result[3, k]), known[0, k], known[1, k], softening
@@ -176,11 +176,11 @@ def pair_energies(algebra):
             total = 0.0
             kept = 0.0
             for branch in range(moduli.shape[0]):
-                step = rows_from(steps, branch * (tensor + 1))
+                step = rows_from(steps, branch * tensors.STEP)
                 weight = like(one, moduli[branch])
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
-                    B, b = tensors.tensor_in(step, 0, k, one), like(one, step[tensor, k])
+                    B, b = tensors.step_in(step, k, one)
                     M, gained = tensors.take_step(B, b, Cb)
                     put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                     total += reference[counted, k] * (weight * gained)
@@ -210,8 +210,8 @@ def pair_energies(algebra):
                 fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
                 fetch_shares(shares, (at + BLOCK + k) * 2)
                 for branch in range(moduli.shape[0]):
-                    row = (block + 1) * coefficients.shape[1] + branch * (tensor + 1)
-                    fetch_steps(coefficients, row * BLOCK + k * (tensor + 1))
+                    row = (block + 1) * coefficients.shape[1] + branch * tensors.STEP
+                    fetch_steps(coefficients, row * BLOCK + k * tensors.STEP)
             energies[block] = total
             stored[block] = kept
 
@@ -288,7 +288,7 @@ def accept_steps(algebra):
                     for k in range(BLOCK):
                         states[2, k] = volumes[at + k]
                 evaluate_isochoric_energy(energy, constants, states, result)
-                known = rows_from(steps, times.shape[0] * (tensor + 1))
+                known = rows_from(steps, times.shape[0] * tensors.STEP)
                 for k in range(BLOCK):
                     new = max(known[0, k], np.float64(result[3, k]))
                     strains[0, k] = new
@@ -314,13 +314,14 @@ def accept_steps(algebra):
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
                 place = branch * tensor
-                step = rows_from(steps, branch * (tensor + 1))
+                step = rows_from(steps, branch * tensors.STEP)
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(all_states, width, pairs, at + k, place, C_k, k)
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
                     begun = tensors.tensor_at(C_k, k)
-                    ended = tensors.end_step(tensors.tensor_at(step, k), step[tensor, k], Cb)
+                    B, b = tensors.step_in(step, k, 1.0)
+                    ended = tensors.end_step(B, b, Cb)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
                         tensors.tensor_at(before, k), begun, Cb, ended, h
                     )

@@ -30,7 +30,7 @@ plane = algebra_of(2)
 tensors = tensors_of(2)
 of_bond = gradient_of_bond(plane)
 put_parts = parts_of_stress(plane)
-fetch_steps = fetch(4 * (tensors.TENSOR + 1))
+fetch_steps = fetch(4 * tensors.STEP)
 
 TENSOR = tensors.TENSOR
 STATES = plane.MATRIX + plane.DIMENSION
@@ -130,7 +130,7 @@ def find_states(sums, reference, law, memory, steps):
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         if kinked:
-            greatest = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            greatest = rows_from(steps, moduli.shape[0] * tensors.STEP)
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
                 eta, slope = softening_factor(part[3, k], greatest[0, k], softening)
@@ -144,12 +144,11 @@ def find_states(sums, reference, law, memory, steps):
                 s = r * r
                 put_column(added, k, (s, s * J3 * J3 * known[4, k], 0.0, 0.0, r * s))
             for branch in range(moduli.shape[0]):
-                step = rows_from(steps, branch * (TENSOR + 1))
+                step = rows_from(steps, branch * tensors.STEP)
                 weight = moduli[branch]
                 for k in range(BLOCK):
                     first, second = across_of_step(
-                        tensors.tensor_at(step, k),
-                        step[TENSOR, k],
+                        *tensors.step_in(step, k, 1.0),
                         tensors.tensor_at(strains, k),
                         strains[3, k],
                         (added[0, k], added[1, k]),
@@ -272,7 +271,7 @@ def pair_energies(
             result[2, k] = result[4, k]
             result[3, k] = result[4, k]
         if softening.shape[0] > 0:
-            before = rows_from(steps, moduli.shape[0] * (TENSOR + 1))
+            before = rows_from(steps, moduli.shape[0] * tensors.STEP)
             call_block(isochoric, states, parameters, part)
             for k in range(BLOCK):
                 eta, potential, rest = soften(part[3, k], before[0, k], before[1, k], softening)
@@ -282,12 +281,13 @@ def pair_energies(
                 result[3, k] += potential - part[3, k]
         total = 0.0
         for branch in range(moduli.shape[0]):
-            step = rows_from(steps, branch * (TENSOR + 1))
+            step = rows_from(steps, branch * tensors.STEP)
             weight = moduli[branch]
             for k in range(BLOCK):
                 s = added[4, k]
                 Cb = s * strains[0, k], s * strains[1, k], s * strains[2, k], added[5, k]
-                M, gained = tensors.take_step(tensors.tensor_at(step, k), step[TENSOR, k], Cb)
+                B, b = tensors.step_in(step, k, 1.0)
+                M, gained = tensors.take_step(B, b, Cb)
                 put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                 total += reference[counted, k] * (weight * gained)
         if elastic != 0:
@@ -337,7 +337,7 @@ def pair_energies(
             plane.put_matrices(sums, k, moments, at + k)
             row = (block + 1) * coefficients.shape[1] * BLOCK
             for branch in range(moduli.shape[0]):
-                fetch_steps(coefficients, row + (branch * BLOCK + k) * (TENSOR + 1))
+                fetch_steps(coefficients, row + (branch * BLOCK + k) * tensors.STEP)
         energies[block] = total
         stored[block] = kept
     counts[chunk.number, 1] = small

@@ -28,23 +28,37 @@ class FrequencyEstimate:
     Products K v are differences of forces. The vector of the iteration is stored, so that a later
     call needs few iterations.
 
+    Away from the stiffest place the vector of a power iteration vanishes, and if another place
+    becomes stiffer, as where bonds break, it takes many iterations to grow there. An iteration
+    `everywhere` replaces the lengths of the points' vectors by their powers 3/4, and takes the
+    greatest quotient of a length and the length that it had before for the eigenvalue, theory
+    (38a, 38b).
+
     Parameters
     ----------
     mass : ndarray, shape (n,)
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     share : Share, optional
+    everywhere : bool
 
     Attributes
     ----------
     vector : ndarray, shape (n, d)
-        Latest estimate of the mode of highest frequency.
+        Latest estimate of the mode of highest frequency, or of such modes everywhere.
     fresh : bool
         True until the first call.
     """
 
-    def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share | None = None) -> None:
+    def __init__(
+        self,
+        mass: np.ndarray,
+        free: np.ndarray,
+        share: Share | None = None,
+        everywhere: bool = False,
+    ) -> None:
         self._mass = mass[:, None]
+        self._everywhere = everywhere
         self._free = free
         self._share = share or Share.whole(len(free))
         self.vector = random_vector(self._share, free)
@@ -80,6 +94,10 @@ class FrequencyEstimate:
         """Return the forces after a small displacement by the vector, which is scaled to a
         greatest component of 1.
         """
+        if self._everywhere:
+            # roots alone have the same bits in vectors of any length
+            excess = np.sqrt(np.sqrt(np.sqrt(self._squares(self.vector))))[:, None]
+            np.divide(self.vector, excess, out=self.vector, where=excess > 0)
         self.vector /= self._share.greatest(np.abs(self.vector))
         moved = np.empty_like(positions)
         force(positions + FORWARD * force.body.spacing * self.vector, moved)
@@ -90,14 +108,25 @@ class FrequencyEstimate:
         `_moved`, and return the eigenvalue.
         """
         image = (at_rest - moved) / (FORWARD * spacing) / self._mass * self._free
-        # The norm bounds the Rayleigh quotient from above for a tangent that is not quite
-        # symmetric.
-        value = np.sqrt(
-            self._share.sum(image**2, in_order=True)
-            / self._share.sum(self.vector**2, in_order=True)
-        )
+        if self._everywhere:
+            before = self._squares(self.vector)
+            squares = np.divide(
+                self._squares(image), before, out=np.zeros_like(before), where=before > 0
+            )
+            value = np.sqrt(self._share.greatest(squares))
+        else:
+            # The norm bounds the Rayleigh quotient from above for a tangent that is not quite
+            # symmetric.
+            value = np.sqrt(
+                self._share.sum(image**2, in_order=True)
+                / self._share.sum(self.vector**2, in_order=True)
+            )
         self.vector = image
         return float(value)
+
+    def _squares(self, vector: np.ndarray) -> np.ndarray:
+        """Return the squared lengths of the vectors of the points, weighed by the masses, (n,)."""
+        return self._mass[:, 0] * sum(column * column for column in vector.T)
 
 
 PROBES = {"float64": 1e-6, "float32": 1e-3}

@@ -70,6 +70,20 @@ def test_a_law_is_found_again_within_two_standard_errors(law):
     assert found.law_.bulk_modulus == pytest.approx(1000 * glassy)
 
 
+def test_factors_of_specimens_are_found_and_widen_standard_errors():
+    law, off = LAWS[0], []
+    for seed in range(4):
+        X, y = cycles(law, 0.005, seed=seed, rates=(0.01, 0.03, 0.1, 0.3, 1.0))
+        factors = 1 + 0.08 * np.random.default_rng(seed).standard_normal(10)
+        found = HistoryRegressor("neo-hookean", 2).fit(X, y * factors[X[:, 3].astype(int)])
+        assert found.factors_ == pytest.approx(factors / factors.mean(), abs=0.01)
+        assert found.standard_errors_[0] == pytest.approx(factors.std(ddof=1) / 10**0.5, rel=0.4)
+        off.append((found.parameters_ - [1.0, 0.5, 0.3, 2.0, 40.0]) / found.standard_errors_)
+    assert (np.abs(off) < 2).mean() > 0.75
+    assert np.abs(off).max() < 3.5
+    assert (HistoryRegressor("neo-hookean", 2).fit(*cycles(law, 0.005)).factors_ == 1).all()
+
+
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("number", [0, 2])
 def test_softening_is_found_again_within_two_standard_errors(law, number):
@@ -274,3 +288,15 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
         times = [one.time * minute for one in found.law().memory.branches]
         assert times == pytest.approx([2, 40], rel=0.1)
         assert model.domain.rates == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
+    timed = {"stretches": [1.2, 1.5], "times": [2.0, 5.0]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OutsideDomainWarning)
+        with_material(pds.load_scene("uniaxial", timed), tmp_path / "relaxing" / "1")
+    for times, words in (
+        ([0.01, 5.0], "up to 20"),
+        ([0.0, 5.0], "up to inf"),
+        ([500, 999], "down"),
+    ):
+        slow = pds.load_scene("uniaxial", timed | {"times": times})
+        with pytest.warns(OutsideDomainWarning, match=words):
+            with_material(slow, tmp_path / "relaxing" / "1")
