@@ -7,8 +7,11 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from ..forces import FORCES, ForceModel
+import numpy as np
+
+from ..forces import FORCES, ForceModel, OutsideDomainWarning
 from ..materials import Law
+from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
@@ -61,6 +64,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     -----
     UserWarning
         If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`).
+    OutsideDomainWarning
+        If grips stretch a body with branches at rates that the tests behind them did not have.
     """
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
@@ -100,7 +105,26 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         scene = scene.model_copy(
             update={"material": MaterialSpec.model_validate(described.describe())}
         )
+    measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
+    if measured and rates and (words := untested_rates(measured, *rates)):
+        warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
     return scene, model
+
+
+def _rates(scene: Scene) -> tuple[float, float] | None:
+    """Return the mean and the greatest rate of stretch of a body between grips, per second, None
+    for other bodies, whose rates loads determine, and for bodies without times.
+    """
+    if not scene.stretched or not scene.times:
+        return None
+    moved = np.abs(np.diff(scene.stretches, prepend=1.0))
+    steps = np.diff(scene.times, prepend=0.0)
+    going = moved > 0
+    if not going.any() or not steps.sum() > 0:
+        return None
+    greatest = np.inf if not steps[going].all() else (moved[going] / steps[going]).max()
+    second = SECONDS.get(scene.units.time or "s", 1.0)
+    return float(moved.sum() / steps.sum() / second), float(greatest / second)
 
 
 def material_on(card: Card, scene: Scene) -> Law:

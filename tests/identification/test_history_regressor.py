@@ -288,3 +288,15 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
         times = [one.time * minute for one in found.law().memory.branches]
         assert times == pytest.approx([2, 40], rel=0.1)
         assert model.domain.rates == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
+    timed = {"stretches": [1.2, 1.5], "times": [2.0, 5.0]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", OutsideDomainWarning)
+        with_material(pds.load_scene("uniaxial", timed), tmp_path / "relaxing" / "1")
+    for times, words in (
+        ([0.01, 5.0], "up to 20"),
+        ([0.0, 5.0], "up to inf"),
+        ([500, 999], "down"),
+    ):
+        slow = pds.load_scene("uniaxial", timed | {"times": times})
+        with pytest.warns(OutsideDomainWarning, match=words):
+            with_material(slow, tmp_path / "relaxing" / "1")
