@@ -71,10 +71,9 @@ BEFORE = 0.9
 do not grow.
 """
 
-PULLED, SPEED, SAFETY = (0.6, 1.5), 0.02, 0.4
+PULLED, SPEED = (0.6, 1.5), 0.02
 """Strokes between which a tear is simulated in dynamics, divided by that at the measured peak;
-speed of the tab divided by that of shear waves; part of the critical time step. With its default of
-0.7 the last points of the ligament, which retract at once, turn inside out.
+speed of the tab divided by that of shear waves.
 """
 
 
@@ -192,7 +191,6 @@ def torn(notch: float, law, energy: float) -> dict:
         "duration": (last - first) / speed,
         "density": 1.0,
         "damping": speed / LONG,
-        "safety": SAFETY,
     }
     scene = notched(
         notch,

@@ -106,7 +106,7 @@ def test_derivatives_and_modes_are_refused_since_they_would_forget():
         result.lowest_mode,
     ):
         with pytest.raises(
-            ValueError, match="with softening, whose forces depend on earlier states of the body"
+            ValueError, match="the forces depend on earlier states of the body, as with branches"
         ):
             ask()
 
