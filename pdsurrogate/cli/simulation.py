@@ -181,6 +181,8 @@ def print_levels(result: Result) -> None:
     homogeneous = any("lateral_displacement_reference" in level for level in levels)
     lateral = "lateral" if homogeneous else "greatest lateral"
     columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
+    if result.scene.times:
+        columns.append((units.label("time", "time"), [f"{level['time']:.6g}" for level in levels]))
     for key, quantity, kind in (
         (f"{lateral}_displacement".replace(" ", "_"), lateral, "length"),
         ("nominal_stress", "stress", "stress"),

@@ -116,7 +116,7 @@ def columns_figure(
     history = result.history
     key = "stretch" if scene.stretched else "t"
     timed = [row for row in history if "time" in row]
-    if timed and not scene.stretched:
+    if timed and (scene.times or not scene.stretched):
         key = "time"
         history = timed
     greatest = {
@@ -147,7 +147,7 @@ def save_drawings(result, folder: Path) -> None:
     """
     scene = result.scene
     name = result.scene.name
-    if not scene.stretched or scene.dynamics is not None:
+    if not scene.stretched or scene.dynamics is not None or scene.times:
         figures.save(loading_figure(result), folder / f"{name}-loading.png")
     if not result.states.in_pieces:
         figures.save(whole_figure(result), folder / f"{name}.png")

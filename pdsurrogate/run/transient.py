@@ -158,7 +158,7 @@ class Transient:
                 if self.save_last_state():
                     break
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
-            run.force.accept(run.positions)
+            integrator.accept()
             run.loads.let_go(run.positions)
             if on_row:
                 self._row()

@@ -117,6 +117,14 @@ def _program(scene: SceneData) -> None:
             )
         if any(later < earlier for earlier, later in pairwise(scene.times)):
             raise ValueError("times: no time may be before the one of an earlier stretch")
+    specs = [scene.material, *(part.material for part in scene.materials)]
+    if scene.reference and any(
+        one and (one.branches or one.prony or one.softening) for one in specs
+    ):
+        raise ValueError(
+            f"reference: {scene.reference} is a solution for elastic materials: leave it out, or"
+            " the branches and softening"
+        )
     still = [entry for entry in entries_of(scene, "steps") if entry[1].dynamics is None]
     timeless = [key for key, step in still if step.duration is None]
     if timeless and len(timeless) < len(still):

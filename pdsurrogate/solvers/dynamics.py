@@ -215,6 +215,13 @@ class ExplicitDynamics:
         self.force(self.positions, self.forces)
         self._add_loads()
 
+    def accept(self) -> None:
+        """Add the present state to the history of the force, with held parts at their present
+        places: with viscosity they were ahead of them in the last evaluation.
+        """
+        self._hold(self.positions, 0.0)
+        self.force.accept(self.positions)
+
     def find_elastic(self) -> float:
         """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is
         left in that state.

@@ -1,0 +1,106 @@
+"""Tears of rubber with a branch: what a running crack takes from the body, by its speed, with the
+figure for the documentation.
+
+python pipelines/rate_tears.py             all cases, some minutes each
+python pipelines/rate_tears.py --docs      the table of all stored figures, and the figure
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from cases import of_rows, report, stored
+from matplotlib.figure import Figure
+from pages import FIGURES
+
+import pdsurrogate as pds
+from pdsurrogate.results import figures
+
+LENGTH, HEIGHT, CUT = 2.5, 1.0, 0.75
+ROWS = 12
+RATIO = 2.2
+TIMES = (0.0, 0.03, 0.3, 3.0)
+"""Relaxation times; 0 for elastic rubber."""
+
+
+def strip(time: float, stretch_rate: float) -> pds.Scene:
+    """A cut strip of pure shear in plane strain, relaxed at a stretch below that at which it tears,
+    and stretched on at a constant rate.
+    """
+    branches = [{"modulus": 2.0, "time": time}] if time else []
+    return pds.Scene(
+        name="rate-tear",
+        spacing=HEIGHT / ROWS,
+        plane="strain",
+        horizon_ratio=RATIO,
+        body=pds.shapes.Rectangle(size=(LENGTH, HEIGHT)),
+        precuts=({"start": (0.0, HEIGHT / 2), "end": (CUT, HEIGHT / 2)},),
+        grips=({"edge": "bottom"}, {"edge": "top", "travel": 1.0}),
+        material={
+            "law": "neo-hookean",
+            "shear_modulus": 1.0,
+            "bulk_modulus": 20.0,
+            "branches": branches,
+        },
+        stretches=1.12,
+        times=1e6 * (time or 1.0),
+        fracture={"critical_stretch": 2.0},
+        dynamics={"stretch": 2.5, "stretch_rate": stretch_rate, "density": 1.0, "outputs": 250},
+    )
+
+
+def torn(time: float, stretch_rate: float) -> Iterator[tuple]:
+    """Stretch at the greatest force and mean speed of the crack in horizons a relaxation time;
+    energy per torn length, from the first broken bond to the last: supplied, released by bonds,
+    dissipated by the branch, by viscosity, and the gap of the account.
+    """
+    result = pds.simulate(strip(time, stretch_rate), "bond-energy", threads=1)
+    crack = result.summary["crack"]
+    begin, end = crack["start"]["time"], crack["tips"][-1]["time"]
+    rows = [row for row in result.history if "kinetic_energy" in row]
+
+    def change(key: str) -> float:
+        of = [row.get(key, 0.0) for row in rows]
+        return float(np.diff(np.interp([begin, end], [row["time"] for row in rows], of))[0])
+
+    length = LENGTH - CUT
+    keys = "released_energy", "dissipated_by_branches", "damped_energy"
+    taken = [change(key) / length for key in keys]
+    speed = length / (end - begin)
+    horizon = RATIO * HEIGHT / ROWS
+    gap = result.summary["dynamics"][0]["greatest_energy_gap"]
+    peak = crack["peak"]["stretch"]
+    yield time, speed, speed * time / horizon, peak, sum(taken), *taken, gap
+
+
+def main() -> None:
+    """Measure, and draw what is stored."""
+    study = of_rows(
+        "rate-tears",
+        torn,
+        [(time, 0.005) for time in TIMES],
+        "τ: g",
+        "speed: .3f",
+        "speed · τ / δ: .2f",
+        "stretch at the greatest force: .3f",
+        "G: .4f",
+        "bonds: .4f",
+        "branch: .4f",
+        "viscosity: .4f",
+        "gap of the account (%): .2f",
+    )
+    report(__doc__, study)
+    rows = np.array([row for rows in stored(study.name).values() for row in rows])
+    rows = rows[rows[:, 0] > 0]
+    figure = Figure(figsize=(5.0, 3.4), layout="constrained")
+    axes = figure.subplots()
+    axes.stackplot(rows[:, 2], *rows[:, 5:8].T, labels=["bonds", "branch", "viscosity"], alpha=0.7)
+    axes.plot(rows[:, 2], rows[:, 4], "ko-", ms=4, label="all")
+    axes.set(xscale="log", xlabel="speed of the crack · τ / δ", ylabel="energy per torn length")
+    axes.legend()
+    figures.save(figure, FIGURES / "rate-tears.png")
+
+
+if __name__ == "__main__":
+    main()
