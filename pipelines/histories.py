@@ -52,38 +52,33 @@ def cycles(material: str, of: str = "") -> tuple[pds.identification.TestData, li
 
 def errors(data, names: list[str], *parts: str) -> tuple:
     """A fit to the curves whose names lack the given parts; branches in words, and errors by name:
-    fitted ones and those kept back, with the factor that is best and the error with it.
+    fitted ones and those kept back.
     """
     left = np.array([any(part in name for part in parts) for name in names])
     model = pds.identification.HistoryRegressor().fit_tests(data.where(~left[data.curve]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pds.forces.OutsideDomainWarning)
-        curves = {one["specimen"]: one for one in report_of_history(model, data)["curves"]}
+        curves = report_of_history(model, data)["curves"]
         if parts == CASES[0]:
             figures.save(figure_of_history(model, data), FIGURES / "histories.png")
     branches = [f"{one.modulus:.3g} at {one.time:.3g} s" for one in model.law_.memory.branches]
-    out = [name for name, one in zip(names, left, strict=True) if one and name in curves]
-    fitted = [100 * one["relative_rms"] for name, one in curves.items() if name not in out]
-    return ", ".join(branches), fitted, {name: curves[name] for name in out}
+    off = {one["specimen"]: 100 * one["relative_rms"] for one in curves}
+    out = [name for name, one in zip(names, left, strict=True) if one and name in off]
+    fitted = [error for name, error in off.items() if name not in out]
+    return ", ".join(branches), fitted, {name: off[name] for name in out}
 
 
 def kept_back(*parts: str) -> Iterator[tuple]:
     """Fit the other curves of VHB 4910; the errors of those fitted and of those kept back."""
     branches, fitted, left = errors(*cycles("VHB 4910"), *parts)
-    others = [
-        f"{name}: {100 * one['relative_rms']:.1f}, {100 * one['scaled_rms']:.1f} with"
-        f" {one['factor']:.2f}"
-        for name, one in left.items()
-    ]
-    yield ", ".join(parts), branches, min(fitted), max(fitted), "; ".join(others)
+    others = [f"{name}: {error:.1f}" for name, error in left.items()]
+    yield ", ".join(parts), branches, min(fitted), max(fitted), ", ".join(others)
 
 
 def by_temperature(temperature: str, rate: str) -> Iterator[tuple]:
     """Fit the other curves of VHB 4905 of a temperature; the error of the one kept back."""
     branches, fitted, left = errors(*cycles("VHB 4905", temperature), rate)
-    (one,) = left.values()
-    scaled = 100 * one["scaled_rms"], one["factor"]
-    yield temperature, rate, branches, max(fitted), 100 * one["relative_rms"], *scaled
+    yield temperature, rate, branches, max(fitted), *left.values()
 
 
 def scatter(stretch: float, rate: float) -> Iterator[tuple]:
@@ -107,12 +102,5 @@ if __name__ == "__main__":
         __doc__,
         of_rows("histories", kept_back, CASES, *columns),
         of_rows("histories-scatter", scatter, REPEATED, *repeated),
-        of_rows(
-            "histories-4905",
-            by_temperature,
-            TEMPERATURES,
-            *titles,
-            "scaled (%): .1f",
-            "factor: .2f",
-        ),
+        of_rows("histories-4905", by_temperature, TEMPERATURES, *titles),
     )

@@ -31,12 +31,6 @@ CERTAIN = 2.0
 SOFTENING = {"r": (1.0, 100.0), "m": (1e-5, 1e3), "beta": (0.0, 10.0)}
 """Bounds of the parameters of softening; those of m are in units of the greatest energy."""
 
-ROUNDS = 20
-SETTLED = 1e-3
-"""Most rounds of a fit and of the factors of curves that it leaves, and the change of these factors
-that ends them.
-"""
-
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
 
@@ -87,7 +81,8 @@ class Refined(NamedTuple):
     values : ndarray, shape (n_parameters,)
         In the order of `Form.names`, branches by their times.
     covariance : ndarray, shape (n_parameters, n_parameters)
-    at_bound : ndarray of bool, shape (n_parameters,)
+    at_bound : ndarray of int, shape (n_parameters,)
+        -1 at the lower bound of a parameter, 1 at the upper one, else 0.
     """
 
     values: np.ndarray
@@ -99,7 +94,7 @@ def linear(law: str, problem: Problem, start: Start, times: np.ndarray) -> tuple
     """Return the form of a fit of a law with a start and times, without branches and terms that
     have no share of the stresses, and its parameters.
     """
-    elastic, curves, y, root, keys, *_ = problem
+    elastic, curves, y, root, keys = problem
     sizes, _ = problem.solved(np.column_stack([start.columns, curves.columns(times)]))
     sizes, moduli = np.split(sizes, [elastic.linear])
     shares = np.linalg.norm(root[:, None] * start.columns, axis=0) * sizes
@@ -124,19 +119,6 @@ def restart(problem: Problem, form: Form, values: np.ndarray) -> Start:
     shape, law = elastic[form.elastic.linear :], form.law(values)
     factor = problem.curves.softened(law.memory.softening, problem.curves.energy(law))
     return Start(shape, softening, factor[:, None] * problem.elastic.columns(shape))
-
-
-def settled(problem: Problem, form: Form, start: np.ndarray) -> tuple[Problem, Refined]:
-    """Return a problem with the factors of its curves that a fit leaves, and this fit, in turn
-    until both are settled.
-    """
-    for _ in range(ROUNDS):
-        found = refine(problem, form, start)
-        before, start = problem, found.values
-        problem = problem.after(problem.curves.stress(form.law(start)))
-        if np.abs(problem.factors - before.factors).max() <= SETTLED:
-            break
-    return problem, found
 
 
 def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
@@ -191,12 +173,11 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
         gtol=1e-12,
         max_nfev=MOST_EVALUATIONS,
     )
-    values, at_bound = value(found.x), found.active_mask != 0
+    values, at_bound = value(found.x), found.active_mask
     # What has no share of the stresses, or is at a bound, tells nothing of the other parameters.
     shares = np.linalg.norm(found.jac, axis=0) * np.where(low == 0, values, 1.0)
-    known = np.flatnonzero(~at_bound & (shares > NEGLIGIBLE * np.linalg.norm(root * y)))
+    known = np.flatnonzero((at_bound == 0) & (shares > NEGLIGIBLE * np.linalg.norm(root * y)))
     slopes = found.jac / np.where(logarithmic, values, 1.0)
-    slopes = problem.independent(slopes, root * y + found.fun)
     covariance = np.full((len(values), len(values)), np.inf)
     covariance[np.ix_(known, known)] = covariance_at(slopes[:, known], 2 * found.cost)
     order = np.r_[
@@ -227,13 +208,15 @@ def _search_range(form: Form, curves: Curves, y: np.ndarray, start: np.ndarray):
 
 def superfluous(form: Form, found: Refined, chosen: bool) -> np.ndarray:
     """Return the numbers of branches to leave out: those without a modulus, else one of two with
-    nearly the same time, else, if the number of branches is `chosen`, the least certain one if its
-    modulus is within its error.
+    nearly the same time, else, if the number of branches is `chosen`, one at the least time, a
+    viscosity, whose modulus the tests do not tell, or the least certain one if its modulus is
+    within its error.
     """
     _, _, moduli, times = form.parts(found.values)
+    untold = np.flatnonzero(chosen & (form.parts(found.at_bound)[-1] < 0))[:1]
     errors = form.parts(np.sqrt(np.diag(found.covariance)))[2]
     idle = np.flatnonzero(moduli <= NEGLIGIBLE * moduli.max(initial=0.0))
     same = np.flatnonzero(np.diff(np.log(times)) < SAME_TIME)[:1]
     vague = np.flatnonzero(chosen & np.isfinite(errors) & (moduli < CERTAIN * errors))
     worst = vague[np.argsort((moduli / errors)[vague])][:1]
-    return next((one for one in (idle, same, worst) if len(one)), idle)
+    return next((one for one in (idle, same, untold, worst) if len(one)), idle)

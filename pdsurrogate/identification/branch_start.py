@@ -4,13 +4,11 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from ..materials import Softening
 from .averaging import nonnegative
-from .branch_search import LEAST_CURVES, Curves
+from .branch_search import Curves
 from .elastic_part import Elastic
-from .energy import NEGLIGIBLE
 
 UNLOADED = 0.1
 """Least fall of I1bar - 3 below its greatest value, as a share of this value, in unloading."""
@@ -25,10 +23,6 @@ STARTS = {"r": (1.2, 2.0, 5.0), "width": (0.03, 0.1, 0.3, 1.0), "share": (0.0, 0
 energy W_max, and the share of beta.
 """
 
-SURE = 0.99
-"""Probability that factors of curves which are those of errors of rows alone are taken for these.
-"""
-
 
 class Problem(NamedTuple):
     """Stresses to which elastic energies are fitted, with branches and softening.
@@ -38,17 +32,10 @@ class Problem(NamedTuple):
     elastic : Elastic
     curves : Curves
     y : ndarray, shape (n,)
-        Stresses, divided by the factors of their curves.
     root : ndarray, shape (n,)
         Roots of the weights of rows.
     softening : tuple of str
         Parameters of softening that are fitted; none without softening.
-    group : ndarray of int, shape (n_curves,)
-        Number of the mode of loading of a curve.
-    factors : ndarray, shape (n_curves,)
-        Factors by which the stresses of specimens are off, 1 in the mean.
-    scatter : float
-        Standard deviation of the factors, in units of that of the error of a weighted row.
     """
 
     elastic: Elastic
@@ -56,9 +43,6 @@ class Problem(NamedTuple):
     y: np.ndarray
     root: np.ndarray
     softening: tuple[str, ...]
-    group: np.ndarray
-    factors: np.ndarray
-    scatter: float = 0.0
 
     def solved(self, columns: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the sizes of columns, none negative, that describe the stresses best, and the
@@ -66,54 +50,6 @@ class Problem(NamedTuple):
         """
         sizes = nonnegative(columns, self.y, self.root)
         return sizes, float(np.linalg.norm(self.root * (columns @ sizes - self.y)))
-
-    def independent(self, columns: np.ndarray, fit: np.ndarray) -> np.ndarray:
-        """Return weighted columns (n, k) in which the errors of a weighted fit's rows, of which
-        those of a factor are common to a curve, are independent and of one variance.
-        """
-        if not self.scatter:
-            return columns
-        along, size = self.directions(fit)
-        lost = 1 - 1 / np.sqrt(1 + (self.scatter * size) ** 2)
-        return columns - (along * lost) @ (along.T @ columns)
-
-    def directions(self, fit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the curves of a weighted fit as columns of length 1, and their lengths."""
-        curve = self.curves.numbers
-        stresses = np.zeros((len(curve), len(self.factors)))
-        stresses[np.arange(len(curve)), curve] = fit
-        size = np.linalg.norm(stresses, axis=0)
-        return stresses / np.where(size > 0, size, 1.0), size
-
-    def after(self, fit: np.ndarray) -> "Problem":
-        """Return the problem with the factors of curves that the stresses of a fit leave: 1 if
-        errors of rows explain them.
-
-        Factors are normal random numbers (Searle, Casella, McCulloch, Variance components, 1992),
-        whose variance is that of the factors found less what errors of rows contribute.
-        """
-        raw = self.y * self.factors[self.curves.numbers]
-        along, size = self.directions(self.root * fit)
-        if not size.all():  # a curve without weight
-            return self
-        found = along.T @ (self.root * raw) / size
-        off = self.root * raw - along @ (size * found)
-        count = len(size) - self.group.max() - 1
-        free = len(raw) - len(size) - len(self.elastic.names)
-        if count < LEAST_CURVES - 1 or free <= 0:
-            return self
-        # What curves of a mode of loading have in common may be the law's fault.
-        means = np.bincount(self.group, found) / np.bincount(self.group)
-        variance = off @ off / free + NEGLIGIBLE**2
-        squares = ((found / means[self.group] - 1) * size) ** 2 / variance
-        scatter = 0.0
-        if squares.sum() > chi2.ppf(SURE, count):
-            scatter = np.sqrt(np.maximum(np.sum((squares - 1) / size**2), 0) / count)
-        kept = (scatter * size) ** 2
-        factors = 1 + kept / (1 + kept) * (found / found.mean() - 1)
-        factors /= factors.mean()
-        y = raw / factors[self.curves.numbers]
-        return self._replace(y=y, factors=factors, scatter=float(scatter))
 
 
 class Start(NamedTuple):

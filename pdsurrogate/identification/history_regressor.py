@@ -14,12 +14,12 @@ from ..arguments import in_order
 from ..forces import OutsideDomainWarning
 from ..materials import Law
 from ..materials.memory import untested_rates
-from .branch_refinement import Form, Refined, linear, restart, settled, superfluous
-from .branch_search import Choice, Curves, choose
+from .branch_refinement import linear, refine, restart, superfluous
+from .branch_search import Curves, choose
 from .branch_start import Problem, parameters_of_softening, start_of
 from .data import TestData
 from .elastic_part import Elastic, elastic_of_law, elastic_without_law
-from .energy import EnergyRegressor, half_planes, mode_of, warn_of_few_modes
+from .energy import EnergyRegressor, half_planes, warn_of_few_modes
 from .regressor import N_TERMS, LawRegressor, check_fitted
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor
 
@@ -38,10 +38,7 @@ class HistoryRegressor(StressRegressor):
     At a given history the stress is linear in the moduli of branches, so that coefficients of the
     energy and moduli of branches are one non-negative least-squares fit, without a start. Few
     relaxation times are chosen from a logarithmic grid by the errors of curves that are left out;
-    all parameters are refined with free times after. Curves count by their greatest stress. Where
-    the stresses of three curves or more differ by factors that errors of rows do not explain, such
-    as errors of an area, each curve has a factor, 1 in the mean, and standard errors contain their
-    scatter.
+    all parameters are refined with free times after. Curves count by their greatest stress.
 
     Parameters
     ----------
@@ -67,9 +64,7 @@ class HistoryRegressor(StressRegressor):
         Law with its memory.
     parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
         Coefficients and parameters of the elastic energy, those of softening, then moduli and times
-        of branches.
-    factors_ : ndarray, shape (n_curves,)
-        Factors of the curves' stresses, in the order of their first rows.
+        of branches. Standard errors do not contain errors that rows of a curve have in common.
     cross_validation_ : list of dict
         Errors of left-out stresses by number of branches (`branch_search.Choice`).
     hull_, stretch_range_
@@ -82,8 +77,7 @@ class HistoryRegressor(StressRegressor):
     References
     ----------
     Reese, Govindjee, Int. J. Solids Struct. 35 (1998) 3455, for the branches; Lawson, Hanson,
-    Solving least squares problems (1974), for non-negative weights; Searle, Casella, McCulloch,
-    Variance components (1992), for factors.
+    Solving least squares problems (1974), for non-negative weights.
 
     See Also
     --------
@@ -216,17 +210,20 @@ class HistoryRegressor(StressRegressor):
         if self.law == FREE:
             warn_of_few_modes(X[:, :2])
         softening = parameters_of_softening(curves) if self.softening else ()
-        elastic, ones = self._elastic(X[:, :2]), np.ones(len(peak))
-        greatest = [
-            np.argmax(np.where(numbers == one, curves.strain, -1.0)) for one in set(numbers)
-        ]
-        group = np.unique(mode_of(X[greatest, :2]), return_inverse=True)[1]
-        problem = Problem(elastic, curves, y, root, softening, group, ones)
-        chosen, problem, form, found = self._fitted(problem)
-        if problem.scatter:
-            chosen, problem, form, found = self._fitted(problem)
-        self.cross_validation_ = chosen.errors
-        self.factors_ = problem.factors
+        problem = Problem(self._elastic(X[:, :2]), curves, y, root, softening)
+        grid = curves.grid() if self.branches != 0 else np.ones(0)
+        relaxing = curves.columns(grid)
+        start = start_of(self.law, problem, relaxing)
+        parts = ((root * one.T).T for one in (start.columns, relaxing, y))
+        times, self.cross_validation_ = choose(*parts, grid, numbers, self.branches)
+        while True:
+            form, values = linear(self.law, problem, start, times)
+            found = refine(problem, form, values)
+            left_out = superfluous(form, found, chosen=self.branches is None)
+            if not len(left_out):
+                break
+            start = restart(problem, form, found.values)
+            times = np.delete(form.parts(found.values)[-1], left_out)
         self.rates_ = rates_of(curves)
         self.hull_ = half_planes(X[:, :2])
         self.stretch_range_ = float(X[:, :2].min()), float(X[:, :2].max())
@@ -235,26 +232,6 @@ class HistoryRegressor(StressRegressor):
         law = self.law_of(found.values)
         self._store(law, form.names, found.values, found.covariance, bounds)
         return self
-
-    def _fitted(self, problem: Problem) -> tuple[Choice, Problem, Form, Refined]:
-        """Return the branches chosen for the factors of a problem, the problem with the factors
-        that the fit leaves, the form of the fit, and its parameters.
-        """
-        curves = problem.curves
-        grid = curves.grid() if self.branches != 0 else np.ones(0)
-        relaxing = curves.columns(grid)
-        start = start_of(self.law, problem, relaxing)
-        parts = ((problem.root * one.T).T for one in (start.columns, relaxing, problem.y))
-        chosen = choose(*parts, grid, curves.numbers, self.branches)
-        times = chosen.times
-        while True:
-            form, values = linear(self.law, problem, start, times)
-            problem, found = settled(problem, form, values)
-            left_out = superfluous(form, found, chosen=self.branches is None)
-            if not len(left_out):
-                return chosen, problem, form, found
-            start = restart(problem, form, found.values)
-            times = np.delete(form.parts(found.values)[-1], left_out)
 
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Return nominal stresses of the fitted law over time, of constant volume.

@@ -28,21 +28,16 @@ def fitted_history(
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
     """Return a report of a fit of branches as plain values.
 
-    ``curves`` has the RMS error of each specimen relative to its greatest stress, the factor of the
-    fit's stresses that describes the specimen best, and the error that is left with it; ``rates``
-    are the least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out
-    by number of branches.
+    ``curves`` has the RMS error of each specimen relative to its greatest stress, ``rates`` the
+    least and greatest rate of stretch, ``cross_validation`` the errors of stresses left out by
+    number of branches.
     """
     predicted = model.predict(model.rows_of(data))
     curves = []
     for number in np.unique(data.curve):
         rows = data.curve == number
-        fit, stress = predicted[rows], data.nominal_stress[rows]
-        factor = float(fit @ stress / (fit @ fit))
-        rms, scaled = (
-            float(np.sqrt(((one - stress) ** 2).mean()) / np.abs(stress).max())
-            for one in (fit, factor * fit)
-        )
+        stress = data.nominal_stress[rows]
+        off = predicted[rows] - stress
         curves.append(
             {
                 "specimen": data.tests.specimens[number].name if data.tests else str(number),
@@ -50,9 +45,7 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
                 "rows": int(rows.sum()),
                 "duration": float(np.ptp(data.time[rows])),
                 "greatest_stretch": float(data.stretches[rows, 0].max()),
-                "relative_rms": rms,
-                "factor": factor,
-                "scaled_rms": scaled,
+                "relative_rms": float(np.sqrt((off**2).mean()) / np.abs(stress).max()),
             }
         )
     judgement = judged(model, data, model.form)
@@ -60,12 +53,6 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         judgement["remarks"].append(
             f"{model.form}: all curves unload from nearly one stretch, so that beta of softening"
             " is not told from m, and is 0; unload from others too"
-        )
-    if (scatter := float(model.factors_.std())) > 0:
-        judgement["remarks"].append(
-            f"{model.form}: the stresses of curves differ by factors with a standard deviation of"
-            f" {100 * scatter:.1f} %, as areas that are off would have: each has its factor in the"
-            " fit"
         )
     if model.branches is None and not model.law_.memory.branches:
         judgement["remarks"].append(
@@ -79,7 +66,6 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         **parameters_of(model),
         "rates": model.rates_ and [*model.rates_],
         "curves": curves,
-        "factors": model.factors_.tolist(),
         "cross_validation": model.cross_validation_,
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),

@@ -77,20 +77,6 @@ def test_a_law_is_found_again_within_two_standard_errors(law):
     assert found.law_.bulk_modulus == pytest.approx(1000 * glassy)
 
 
-def test_factors_of_specimens_are_found_and_widen_standard_errors():
-    law, off = LAWS[0], []
-    for seed in range(4):
-        X, y = cycles(law, 0.005, seed=seed, rates=(0.01, 0.03, 0.1, 0.3, 1.0))
-        factors = 1 + 0.08 * np.random.default_rng(seed).standard_normal(10)
-        found = HistoryRegressor("neo-hookean", 2).fit(X, y * factors[X[:, 3].astype(int)])
-        assert found.factors_ == pytest.approx(factors / factors.mean(), abs=0.01)
-        assert found.standard_errors_[0] == pytest.approx(factors.std(ddof=1) / 10**0.5, rel=0.4)
-        off.append((found.parameters_ - [1.0, 0.5, 0.3, 2.0, 40.0]) / found.standard_errors_)
-    assert (np.abs(off) < 2).mean() > 0.75
-    assert np.abs(off).max() < 3.5
-    assert (HistoryRegressor("neo-hookean", 2).fit(*cycles(law, 0.005)).factors_ == 1).all()
-
-
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize("number", [0, 2])
 def test_softening_is_found_again_within_two_standard_errors(law, number):
@@ -126,6 +112,13 @@ def test_the_number_of_branches_is_chosen(law):
     fits = [HistoryRegressor(law.name, n_terms=3).fit(*cycles(law, 0.01, seed=s)) for s in range(3)]
     numbers = [len(found.law_.memory.branches) for found in fits]
     assert numbers.count(len(law.memory.branches)) >= 2
+
+
+def test_a_viscosity_is_not_chosen_as_a_branch():
+    """Its modulus, which is not told from its time, would be that of fast motions."""
+    law = pds.materials.NeoHookean(memory=Memory((*BRANCHES, Branch(30.0, 0.001))))
+    found = HistoryRegressor("neo-hookean").fit(*cycles(law, 0.002))
+    assert [one.time > 1.0 for one in found.law_.memory.branches] == [True, True]
 
 
 def test_every_law_is_among_those_that_are_found_again():
@@ -251,12 +244,10 @@ def test_bad_rows_are_named_as_in_tests_without_times():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scatter", [0.0, 0.05])
-def test_two_thousand_rows_take_less_than_five_seconds(scatter):
+def test_two_thousand_rows_take_less_than_five_seconds():
     X, y = cycles(LAWS[0], 0.01, rows=334)
-    factors = 1 + scatter * np.random.default_rng(0).standard_normal(6)
     began = time.process_time()
-    HistoryRegressor().fit(X, y * factors[X[:, 3].astype(int)])
+    HistoryRegressor().fit(X, y)
     assert time.process_time() - began < 5
 
 
