@@ -91,7 +91,10 @@ def test_parsing_of_changes(change, key, value):
             "solver.most_evaluations: Input should be a valid number (given True)",
         ),
         (["spcing=0.05"], "spcing: unknown key; did you mean spacing?"),
-        (["sideways=1"], "sideways: unknown key; there are name, title, spacing, stretches, times,"),
+        (
+            ["sideways=1"],
+            "sideways: unknown key; there are name, title, spacing, stretches, times,",
+        ),
         (["circle=1"], "circle: unknown key"),
         (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
         (
