@@ -129,11 +129,10 @@ def fit(
                 report = report_of_history(model, rows)
                 tests = None
                 settings = settings.model_copy(update={"energy": True})
-        hull = None
         material = model.law_
         if free:
             settings = settings.within(*model.stretch_range_)
-            hull = model.domain_hull()
+        hull = model.domain_hull() if free else None
         print_identified(report)
         print_break(rows)
         refusals = report["refusals"]

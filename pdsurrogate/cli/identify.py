@@ -18,6 +18,7 @@ from .command import Overwrite, ReportFolder, check_folder, with_fields
 from .terminal import (
     Bar,
     note,
+    out,
     print_json,
     print_rows,
     print_table,
@@ -186,6 +187,9 @@ def print_identified(report: dict) -> None:
         f"{title}: fit compared with the tests",
         {mode: {"R^2": scores.get(mode), **row} for mode, row in report["differences"].items()},
     )
+    if report.get("rates"):
+        least, greatest = report["rates"]
+        out.print(f"Rates of stretch from {least:.3g} to {greatest:.3g} per second")
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
     print_rows(f"{title}: curves", report.get("curves", []))
     print_rows(f"{title}: stresses left out of the fit", report.get("cross_validation", []))

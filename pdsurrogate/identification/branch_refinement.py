@@ -196,7 +196,7 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     shares = np.linalg.norm(found.jac, axis=0) * np.where(low == 0, values, 1.0)
     known = np.flatnonzero(~at_bound & (shares > NEGLIGIBLE * np.linalg.norm(root * y)))
     slopes = found.jac / np.where(logarithmic, values, 1.0)
-    slopes = problem.independent(slopes, y + found.fun / root)
+    slopes = problem.independent(slopes, root * y + found.fun)
     covariance = np.full((len(values), len(values)), np.inf)
     covariance[np.ix_(known, known)] = covariance_at(slopes[:, known], 2 * found.cost)
     order = np.r_[

@@ -10,6 +10,7 @@ from ..materials import Softening
 from .averaging import nonnegative
 from .branch_search import LEAST_CURVES, Curves
 from .elastic_part import Elastic
+from .energy import NEGLIGIBLE
 
 UNLOADED = 0.1
 """Least fall of I1bar - 3 below its greatest value, as a share of this value, in unloading."""
@@ -67,22 +68,22 @@ class Problem(NamedTuple):
         return sizes, float(np.linalg.norm(self.root * (columns @ sizes - self.y)))
 
     def independent(self, columns: np.ndarray, fit: np.ndarray) -> np.ndarray:
-        """Return weighted columns (n, k) in which the errors of a fit's rows, of which those of a
-        factor are common to a curve, are independent and of one variance.
+        """Return weighted columns (n, k) in which the errors of a weighted fit's rows, of which
+        those of a factor are common to a curve, are independent and of one variance.
         """
+        if not self.scatter:
+            return columns
         along, size = self.directions(fit)
         lost = 1 - 1 / np.sqrt(1 + (self.scatter * size) ** 2)
         return columns - (along * lost) @ (along.T @ columns)
 
     def directions(self, fit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the weighted stresses of each curve in a fit as columns of length 1, and their
-        lengths.
-        """
+        """Return the curves of a weighted fit as columns of length 1, and their lengths."""
         curve = self.curves.numbers
         stresses = np.zeros((len(curve), len(self.factors)))
-        stresses[np.arange(len(curve)), curve] = self.root * fit
+        stresses[np.arange(len(curve)), curve] = fit
         size = np.linalg.norm(stresses, axis=0)
-        return stresses / size, size
+        return stresses / np.where(size > 0, size, 1.0), size
 
     def after(self, fit: np.ndarray) -> "Problem":
         """Return the problem with the factors of curves that the stresses of a fit leave: 1 if
@@ -92,7 +93,9 @@ class Problem(NamedTuple):
         whose variance is that of the factors found less what errors of rows contribute.
         """
         raw = self.y * self.factors[self.curves.numbers]
-        along, size = self.directions(fit)
+        along, size = self.directions(self.root * fit)
+        if not size.all():  # a curve without weight
+            return self
         found = along.T @ (self.root * raw) / size
         off = self.root * raw - along @ (size * found)
         count = len(size) - self.group.max() - 1
@@ -101,7 +104,8 @@ class Problem(NamedTuple):
             return self
         # What curves of a mode of loading have in common may be the law's fault.
         means = np.bincount(self.group, found) / np.bincount(self.group)
-        squares = ((found / means[self.group] - 1) * size) ** 2 / ((off**2).sum() / free)
+        variance = off @ off / free + NEGLIGIBLE**2
+        squares = ((found / means[self.group] - 1) * size) ** 2 / variance
         scatter = 0.0
         if squares.sum() > chi2.ppf(SURE, count):
             scatter = np.sqrt(np.maximum(np.sum((squares - 1) / size**2), 0) / count)
