@@ -20,7 +20,7 @@ from pdsurrogate.results import figures
 LENGTH, HEIGHT, CUT = 2.5, 1.0, 0.75
 ROWS = 12
 RATIO = 2.2
-TIMES = (0.0, 0.003, 0.03, 0.3, 3.0)
+TIMES = (0.0, 0.0003, 0.003, 0.03, 0.3, 3.0)
 """Relaxation times; 0 for elastic rubber."""
 
 
@@ -88,7 +88,7 @@ def main() -> None:
         [(time, 0.005) for time in TIMES],
         "τ: g",
         "speed: .3f",
-        "speed · τ / δ: .2f",
+        "speed · τ / δ: .2g",
         "stretch at the greatest force: .3f",
         "G: .4f",
         "bonds: .4f",
