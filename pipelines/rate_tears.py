@@ -20,7 +20,7 @@ from pdsurrogate.results import figures
 LENGTH, HEIGHT, CUT = 2.5, 1.0, 0.75
 ROWS = 12
 RATIO = 2.2
-TIMES = (0.0, 0.03, 0.3, 3.0)
+TIMES = (0.0, 0.0003, 0.003, 0.03, 0.3, 3.0)
 """Relaxation times; 0 for elastic rubber."""
 
 
@@ -46,7 +46,13 @@ def strip(time: float, stretch_rate: float) -> pds.Scene:
         stretches=1.12,
         times=1e6 * (time or 1.0),
         fracture={"critical_stretch": 2.0},
-        dynamics={"stretch": 2.5, "stretch_rate": stretch_rate, "density": 1.0, "outputs": 250},
+        dynamics={
+            "stretch": 2.5,
+            "stretch_rate": stretch_rate,
+            "density": 1.0,
+            "viscosity": 0.02,
+            "outputs": 250,
+        },
     )
 
 
@@ -82,7 +88,7 @@ def main() -> None:
         [(time, 0.005) for time in TIMES],
         "τ: g",
         "speed: .3f",
-        "speed · τ / δ: .2f",
+        "speed · τ / δ: .2g",
         "stretch at the greatest force: .3f",
         "G: .4f",
         "bonds: .4f",

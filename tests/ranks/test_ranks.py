@@ -233,22 +233,19 @@ def test_forces_of_two_materials_have_the_same_bits(ranks):
 
 
 @several
-def test_bodies_of_two_materials_tear_in_the_same_way(ranks):
+@pytest.mark.parametrize("remembering", [False, True])
+def test_bodies_of_two_materials_tear_in_the_same_way(ranks, remembering):
     """The crack runs along their interface from the part of one rank, left of x1 = 2, into that
     of the other.
     """
-    crack, displacement, number, steps = ranks.loaded(1, "torn_layers", module="two_materials")[0][
-        "value"
-    ]
+    asked = "torn_layers", remembering
+    alone = ranks.loaded(1, *asked, module="two_materials")[0]["value"]
+    crack, displacement, number, steps = alone
     assert number is None
     assert crack["start"]["x"][0] < 1.9
     assert crack["tips"][-1]["tip"][0] > 2.1
-    assert ranks(2, "torn_layers", module="two_materials")[0]["value"] == (
-        crack,
-        displacement,
-        2,
-        steps,
-    )
+    shared = ranks(2, *asked, module="two_materials")[0]["value"]
+    assert shared == (crack, displacement, 2, steps)
 
 
 @several

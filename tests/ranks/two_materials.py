@@ -148,11 +148,13 @@ def digests_of_cases():
     ]
 
 
-def torn_layers():
+def torn_layers(remembering=False):
     """Crack, digest of the displacements, number of ranks and number of steps of a run of
-    `LAYERS`.
+    `LAYERS`, whose lower layer has a branch and softens if `remembering`.
     """
-    result = pds.simulate(pds.Scene.model_validate(LAYERS), "bond-energy")
+    memory = {"branches": [{"modulus": 1.0, "time": 0.2}], "softening": {"r": 1.5, "m": 0.1}}
+    material = LAYERS["material"] | (memory if remembering else {})
+    result = pds.simulate(pds.Scene(**LAYERS | {"material": material}), "bond-energy")
     whole = result.displacement() if communicator().rank == 0 else np.zeros(0)
     return (
         result.summary["crack"],
