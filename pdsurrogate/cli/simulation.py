@@ -296,12 +296,18 @@ def _print_crack(result: Result) -> None:
     where = " and ".join(map(_place, start["tips"]))
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
     out.print(f"First broken bond: at {where}, {at}")
-    if peak := crack.get("peak"):
+    peak = crack["peak"]
+    if peak:
         out.print(
             f"Peak nominal stress: {units.amount(peak['nominal_stress'], 'stress', '.5g')} at"
             f" stretch {peak['stretch']:.4f}"
+            if "stretch" in peak
+            else f"Greatest force: {units.amount(peak['force'], 'force', '.5g')} of"
+            f" {peak['name']} at t = {peak['t']:.4f}"
         )
-    body = "the body has come apart" if crack["through"] else "the body holds together"
+    rising = peak and peak.get("time") == result.history[-1].get("time")
+    holds = f"the body holds together{', and its force was still rising' if rising else ''}"
+    body = "the body has come apart" if crack["through"] else holds
     out.print(
         f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few"
         f" bonds left; {body}"

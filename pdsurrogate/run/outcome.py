@@ -19,13 +19,30 @@ from .standard_errors import standard_errors
 
 
 def _peak(history: list[dict]) -> dict | None:
-    """Return the history's greatest nominal stress, which a cracked body bears at most, with its
-    time and stretch; None without history.
+    """Return the most that a cracked body bears, with its time and loading parameter: the history's
+    greatest nominal stress or, without it, the greatest force and the name of its support or load;
+    None without history.
     """
-    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
-    return highest and {
-        key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest
-    }
+
+    def forces(row: dict) -> dict[str, float]:
+        """Magnitude of the force of each support and load."""
+        components: dict[str, list[float]] = {}
+        for column, value in row.items():
+            if column.startswith("force_"):
+                components.setdefault(column[6:-2], []).append(value)
+        return {name: float(np.linalg.norm(each)) for name, each in components.items()}
+
+    def borne(row: dict) -> dict:
+        if "nominal_stress" in row:
+            return {"nominal_stress": row["nominal_stress"]}
+        force, name = max(((force, name) for name, force in forces(row).items()), default=(0.0, ""))
+        return {"force": force, "name": name}
+
+    rows = [
+        {key: row[key] for key in ("time", "stretch", "t") if key in row} | borne(row)
+        for row in history
+    ]
+    return max(rows, key=lambda row: row.get("nominal_stress", row.get("force")), default=None)
 
 
 def result_of(
@@ -98,7 +115,7 @@ def result_of(
         )
         summary["crack"] = state.crack | {
             "path": crack_path(state.crack["tips"]),
-            "peak": None if stress is None else _peak(state.history),
+            "peak": _peak(state.history),
         }
     scene = run.problem.scene
     body = run.body if run.whole is None else run.whole

@@ -168,9 +168,10 @@ ADVICE = {
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""
 
 DYNAMICS_ADVICE = (
-    "use a smaller dynamics.safety, more dynamics.viscosity or damping, a smaller spacing, or in"
-    " sheets a force with an energy (bond-energy)"
+    "use a smaller dynamics.safety, more dynamics.viscosity or damping, or a smaller spacing"
 )
+
+ENERGY_ADVICE = "or a force with an energy (bond-energy)"
 
 SINGLE_ADVICE = "or use precision=float64, which has smaller rounding errors"
 
@@ -408,7 +409,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
     advice = (
-        [DYNAMICS_ADVICE]
+        [f"{DYNAMICS_ADVICE}{'' if run.force.has_energy else f', {ENERGY_ADVICE}'}"]
         if moving
         else [text for kind, text in ADVICE.items() if type(error) is kind]
     )

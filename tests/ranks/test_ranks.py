@@ -245,6 +245,9 @@ def test_bodies_of_two_materials_tear_in_the_same_way(ranks, remembering):
     assert crack["start"]["x"][0] < 1.9
     assert crack["tips"][-1]["tip"][0] > 2.1
     shared = ranks(2, *asked, module="two_materials")[0]["value"]
+    # Forces of supports are sums over ranks.
+    forces = [one["peak"].pop("force") for one in (crack, shared[0])]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
     assert shared == (crack, displacement, 2, steps)
 
 

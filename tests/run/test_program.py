@@ -446,9 +446,7 @@ def test_the_account_closes_with_rows_of_every_twentieth_step(held):
 
 
 def test_the_summary_of_a_crack_has_every_key():
-    """In a program without grips no bond breaks, and there is no nominal stress whose peak could
-    be given: it is null.
-    """
+    """In a program without grips there is no nominal stress: the peak is that of the forces."""
     step = {"to": 0.1, "outputs": 2, "dynamics": {"duration": 0.5, "density": 1.0}}
     held = [{"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1, "x2": 0.0}]
     scene = pds.Scene(
@@ -461,7 +459,8 @@ def test_the_summary_of_a_crack_has_every_key():
         steps=[step],
         fracture={"critical_stretch": 3.0},
     )
-    crack = pds.simulate(scene, "bond-energy").summary["crack"]
+    result = pds.simulate(scene, "bond-energy")
+    crack = result.summary["crack"]
     assert set(crack) == {
         "start",
         "peak",
@@ -471,7 +470,15 @@ def test_the_summary_of_a_crack_has_every_key():
         "failed_points",
         "through",
     }
-    assert crack["peak"] is crack["start"] is None
+    assert crack["start"] is None
+    forces = {
+        (name, row["time"]): np.hypot(row[f"force_{name}_1"], row[f"force_{name}_2"])
+        for row in result.history
+        for name in ("left", "right")
+    }
+    peak = crack["peak"]
+    assert peak["force"] == pytest.approx(max(forces.values()))
+    assert forces[peak["name"], peak["time"]] == peak["force"]
 
 
 @pytest.mark.parametrize("edge", ["bottom", "top"])
