@@ -120,8 +120,10 @@ def _rates(scene: Scene) -> tuple[float, float] | None:
     moved = np.abs(np.diff(scene.stretches, prepend=1.0))
     steps = np.diff(scene.times, prepend=0.0)
     going = moved > 0
-    if not going.any() or not steps.sum() > 0:
+    if not going.any():
         return None
+    if not steps.sum() > 0:
+        return np.inf, np.inf
     greatest = np.inf if not steps[going].all() else (moved[going] / steps[going]).max()
     second = SECONDS.get(scene.units.time or "s", 1.0)
     return float(moved.sum() / steps.sum() / second), float(greatest / second)
@@ -167,4 +169,12 @@ def in_words(law: Law) -> str:
     """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all
     digits.
     """
-    return f"{{{', '.join(f'{key}={json.dumps(value)}' for key, value in law.describe().items())}}}"
+
+    def written(value) -> str:
+        if isinstance(value, dict):
+            return f"{{{', '.join(f'{key}={written(one)}' for key, one in value.items())}}}"
+        if isinstance(value, list | tuple):
+            return f"[{', '.join(map(written, value))}]"
+        return json.dumps(value)
+
+    return written(law.describe())

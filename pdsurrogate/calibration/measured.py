@@ -374,6 +374,12 @@ class MeasuredScene:
 
     def _check(self) -> None:
         """Raise ValueError for steps or quantities that the scene does not have."""
+        specs = [self.scene.material, *(part.material for part in self.scene.materials)]
+        if any(spec and spec.remembers for spec in specs):
+            raise ValueError(
+                f"scene {self.scene.name}: a law with branches or softening cannot be calibrated"
+                " with a body: learn it from tests over time (identify --branches)"
+            )
         rows = self.rows
         d = self.scene.dimension
         count = len(self.scene.stretches) if self.scene.stretched else None

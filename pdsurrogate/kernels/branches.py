@@ -33,6 +33,11 @@ GREATEST = {"float32": 1e10, "float64": 1e32}
 would leave is this number times smaller than the modulus.
 """
 
+ROUNDED = 1e-10
+"""Energy over half the modulus of a branch below which a difference of energies is rounding: the
+overstress is then 1e-5, and its square tells the energy as exactly.
+"""
+
 SERIES = 0.01
 """Number of relaxation times below which integrals of exponentials are computed by their series,
 whose error is then below rounding.
@@ -64,17 +69,17 @@ def weights_of_overstress(h):
 
     f0 and f1 weigh the overstresses at both ends of a step of h relaxation times.
     """
-    x = select(h < 5 * SERIES, h, 0.0)
+    series = h < 5 * SERIES
+    x = select(series, h, 0.0)
     even = x * (1 / 3 + x * x * (1 / 180 - x * x / 5040))
     odd = x * x * (1 / 12 - x * x * (1 / 720 - x * x / 30240))
     mixed = x * (1 / 6 - x * x * (1 / 180 - x * x / 5040))
     # Overstresses below rounding must not count in very long steps.
-    h = select(h < 5 * SERIES, 1.0, select(h < 1e12, h, 1e12))
+    h = select(series, 1.0, select(h < 1e12, h, 1e12))
     decay = exponential(-h)
     risen = 1.0 - decay
     both = 0.5 * risen * (1.0 + decay)
     square = risen * risen
-    series = x > 0.0
     return (
         select(series, even - odd, (both - 2.0 * decay * risen + decay * decay * h) / square),
         select(series, mixed, (risen - decay * h - both + decay * risen) / square),
@@ -250,23 +255,33 @@ def _steps(tensors):
         )
 
     @inlined
-    def dissipation(Cb_0, C_0, Cb_1, C_1, h):
+    def overstress(Cb, M, whole):
+        return tensors.mixed_product(Cb, M, whole * (1.0 / 3.0))
+
+    @inlined
+    def dissipation(Cb_0, C_0, C_held, Cb_1, C_1, h):
         """Return the energy that a branch of modulus 1 dissipates in a step of h relaxation times
-        between two states (Cb, C_k).
+        between two states (Cb, C_k); `C_held` is C_k at the end of a step in which Cb stays Cb_0.
 
         The overstress Cb M - (Cb : M)/3 I relaxes exponentially from its value at the beginning to
-        that at the end.
+        that at the end, and the integral of its square is scaled such that a body that is held
+        dissipates the energy that it loses.
         """
         M_0 = tensors.cofactor_of(C_0)
+        M_held = tensors.cofactor_of(C_held)
         M_1 = tensors.cofactor_of(C_1)
-        s_0 = tensors.mixed_product(Cb_0, M_0, tensors.contraction(Cb_0, M_0) * (1.0 / 3.0))
-        s_1 = tensors.mixed_product(Cb_1, M_1, tensors.contraction(Cb_1, M_1) * (1.0 / 3.0))
+        energy_0 = tensors.contraction(Cb_0, M_0)
+        energy_held = tensors.contraction(Cb_0, M_held)
+        s_0 = overstress(Cb_0, M_0, energy_0)
+        s_held = overstress(Cb_0, M_held, energy_held)
+        s_1 = overstress(Cb_1, M_1, tensors.contraction(Cb_1, M_1))
         first, both, last = weights_of_overstress(h)
-        return 0.5 * (
-            first * tensors.trace_of_product(s_0, s_0)
-            + 2.0 * both * tensors.trace_of_product(s_0, s_1)
-            + last * tensors.trace_of_product(s_1, s_1)
-        )
+        begun = first * tensors.trace_of_product(s_0, s_0)
+        found = begun + last * tensors.trace_of_product(s_1, s_1)
+        found += 2.0 * both * tensors.trace_of_product(s_0, s_1)
+        held = begun + last * tensors.trace_of_product(s_held, s_held)
+        held += 2.0 * both * tensors.trace_of_product(s_0, s_held)
+        return 0.5 * found * (energy_0 - energy_held + ROUNDED) / (held + ROUNDED)
 
     return {
         "step_in": step_in_plane if tensors.TENSOR == 4 else step_in_space,

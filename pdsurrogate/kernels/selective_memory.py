@@ -322,8 +322,10 @@ def accept_steps(algebra):
                     begun = tensors.tensor_at(C_k, k)
                     B, b = tensors.step_in(step, k, 1.0)
                     ended = tensors.end_step(B, b, Cb)
+                    Cb_0 = tensors.tensor_at(before, k)
+                    held = tensors.end_step(B, b, Cb_0)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
-                        tensors.tensor_at(before, k), begun, Cb, ended, h
+                        Cb_0, begun, held, Cb, ended, h
                     )
                     put_column(C_k, k, ended)
                 for k in range(size):

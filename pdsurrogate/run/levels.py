@@ -8,6 +8,8 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
+from ..scenes.amplitudes import turns_of
+from ..scenes.model import entries_of
 from ..solvers.bond_strains import RESOLVED, is_rigid, strain_of, strain_rounding
 from ..solvers.equilibrium import (
     Equilibrium,
@@ -141,6 +143,12 @@ class Equilibria:
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             self._last_output = _Accepted(run, self.solver)
             due = (self.stage.duration or 0.0) * ((state.outputs + 1) / self.stage.outputs)
+            for turn in self._turns_before(goal):
+                share = (turn - state.parameter) / (goal - state.parameter)
+                increments = self._path.increments_to(turn, share * (due - state.time))
+                if self._go_to_output(increments) is None:
+                    self._last_output.restore(run, self.solver)
+                    return False
             increments = self._path.increments_to(goal, due - state.time)
             equilibrium = self._go_to_output(increments)
             if equilibrium is None:
@@ -161,6 +169,22 @@ class Equilibria:
     def _checkpoint(self) -> None:
         """Write a checkpoint of the last output."""
         self._checkpoints.write({"gave_up": self.solver.gave_up}, {})
+
+    def _turns_before(self, goal: float) -> list[float]:
+        """Return the values of t on the way to the next output at which amplitudes turn, if the
+        force has a history, which depends on them.
+        """
+        run = self.run
+        if not run.force.history or self.stage.control is not None:
+            return []
+        begin = run.state.parameter
+        entries = entries_of(run.problem.scene, "prescribed", "loads", "obstacles")
+        turns = {
+            turn
+            for _, entry in entries
+            for turn in turns_of(entry.amplitude, *sorted((begin, goal)))
+        }
+        return sorted(turns, reverse=goal < begin)
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
         """Return the equilibrium at the next output, reached in increments; None if a bond would

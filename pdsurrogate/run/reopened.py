@@ -33,8 +33,7 @@ def check_models(
                 f"{method}: {model.name} cannot be evaluated in double precision, which {what} need"
             )
     specs = [scene.material, *(part.material for part in scene.materials)]
-    laws = [spec.build() for spec in specs if spec is not None and not spec.rigid]
-    if any(law.memory for law in laws) or any(
+    if any(spec and spec.remembers for spec in specs) or any(
         term.keeps for model in models for term in model.terms(scene.plane)
     ):
         raise ValueError(

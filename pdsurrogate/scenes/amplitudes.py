@@ -29,6 +29,11 @@ _NODES = (
 NAMED = {"ramp": "t", "sine": "sin(2*pi*t)"}
 """Expressions of t for the amplitudes that have a name."""
 
+SAMPLES = 1001
+"""Values of an expression among which `turns_of` searches: a turn is off by a thousandth of the
+interval at most, where the value is off by the square of that.
+"""
+
 LONGEST = 200
 """Greatest number of characters of an expression of t. Chosen: enough for sums of a few functions;
 longer functions are given as tables, and Python's parser is kept from endless text.
@@ -102,6 +107,22 @@ def amplitude_of(amplitude: str | tuple) -> Callable[[float], float]:
         return value
 
     return value_at
+
+
+def turns_of(amplitude: str | tuple, begin: float, end: float) -> list[float]:
+    """Return the values of t between two others at which an amplitude may turn: rows of a table,
+    or where `SAMPLES` values of an expression are greatest or least among their neighbors.
+
+    Examples
+    --------
+    >>> turns_of(((0, 0), (1, 2), (3, 0)), 0.0, 2.0), turns_of("ramp", 0.0, 1.0)
+    ([1.0], [])
+    """
+    if not isinstance(amplitude, str):
+        return [float(t) for t, _ in amplitude if begin < t < end]
+    t = np.linspace(begin, end, SAMPLES)
+    slopes = np.diff(list(map(amplitude_of(amplitude), t)))
+    return t[1:-1][slopes[1:] * slopes[:-1] < 0].tolist()
 
 
 def _compiled(text: str) -> CodeType:

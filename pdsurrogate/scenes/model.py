@@ -204,6 +204,18 @@ class MaterialSpec(StrictModel):
         memory = Memory(branches or from_prony(built.shear_modulus, self.prony), softening)
         return dataclasses.replace(built, memory=memory)
 
+    @property
+    def remembers(self) -> bool:
+        """Return whether the material has branches or softening.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").material.remembers
+        False
+        """
+        return bool(self.branches or self.prony or self.softening)
+
 
 class Criterion(StrictModel):
     """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.

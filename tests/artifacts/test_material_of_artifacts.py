@@ -2,13 +2,18 @@
 was.
 """
 
+import tomllib
+
 import pytest
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
+from pdsurrogate.artifacts.material import in_words
 from pdsurrogate.cli import app
+from pdsurrogate.materials import Branch, Memory, Softening
 from pdsurrogate.scenes import SceneError
+from pdsurrogate.scenes.model import MaterialSpec
 
 CHAIN_LIMIT = 62.82566463708167
 
@@ -135,3 +140,10 @@ def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
         UserWarning, match=r"off@1 has an RMS error of [\d.]+ % relative to neo-hookean"
     ):
         with_material(pds.load_scene("uniaxial"), path)
+
+
+def test_materials_with_memory_are_written_as_toml():
+    memory = Memory((Branch(0.5, 2.0), Branch(0.25, 1e3)), Softening(1.5, 0.1, 0.2))
+    law = pds.materials.Gent(0.4, 400.0, 30.0, memory=memory)
+    found = tomllib.loads(f"material = {in_words(law)}")["material"]
+    assert MaterialSpec.model_validate(found).build() == law

@@ -217,3 +217,31 @@ def test_viscosity_does_not_move_grips_ahead_in_the_history():
         held = row["strain_energy"] + row.get("dissipated_by_softening", 0.0)
         found.append([held, row["damped_energy"]])
     assert found[1] == pytest.approx(found[0], rel=1e-3)
+
+
+def test_a_hold_dissipates_what_it_loses_and_a_sudden_change_nothing():
+    result = pds.simulate(
+        scene_of(stretches=[1.25, 1.5, 1.5], times=[0.0, 0.0, 5.0]), "bond-energy"
+    )
+    lost = [level["dissipated_energy"]["branches"] for level in result.levels]
+    energy = [level["energy"] for level in result.levels]
+    assert lost[:2] == [0.0, 0.0]
+    assert lost[2] == pytest.approx(energy[1] - energy[2], rel=1e-2)
+
+
+@pytest.mark.parametrize("amplitude", [((0, 0), (0.9, 0), (0.95, 1), (1, 0)), "sin(pi*t)"])
+def test_pulses_between_outputs_are_not_missed(amplitude):
+    moved = [*MOVED["prescribed"][:2], MOVED["prescribed"][2] | {"amplitude": amplitude}]
+    runs = [
+        pds.simulate(
+            scene_of(
+                **MOVED
+                | {"prescribed": moved, "steps": [{"to": 1.0, "duration": 1.0, "outputs": outputs}]}
+            ),
+            "bond-energy",
+        )
+        for outputs in (1, 80)
+    ]
+    few, many = (one.levels[-1]["dissipated_energy"]["branches"] for one in runs)
+    assert many / 2 < few < 2 * many
+    assert many > 1e-3
