@@ -43,6 +43,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
 
+    With branches or softening it has no reference any more, since references are elastic solutions.
+
     Any other scene keeps the material that it states; a scene without a material takes the material
     of the card unchanged.
 
@@ -102,9 +104,10 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
     if described != own:
-        scene = scene.model_copy(
-            update={"material": MaterialSpec.model_validate(described.describe())}
-        )
+        update = {"material": MaterialSpec.model_validate(described.describe())}
+        # References are elastic solutions.
+        update |= {"reference": None} if described.memory else {}
+        scene = scene.model_copy(update=update)
     measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
