@@ -6,6 +6,7 @@ import json
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -170,4 +171,13 @@ def in_words(law: Law) -> str:
     """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all
     digits.
     """
-    return f"{{{', '.join(f'{key}={json.dumps(value)}' for key, value in law.describe().items())}}}"
+    return _inline(law.describe())
+
+
+def _inline(value: Any) -> str:
+    """Return a value as TOML in a line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}={_inline(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_inline, value))}]"
+    return json.dumps(value)
