@@ -178,6 +178,6 @@ def _inline(value: Any) -> str:
     """Return a value as TOML in a line."""
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key}={_inline(one)}' for key, one in value.items())}}}"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"[{', '.join(map(_inline, value))}]"
     return json.dumps(value)
