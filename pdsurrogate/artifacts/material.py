@@ -6,6 +6,7 @@ import json
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
+
+    With branches or softening it has no reference any more, since references are elastic solutions.
 
     Any other scene keeps the material that it states; a scene without a material takes the material
     of the card unchanged.
@@ -102,9 +105,10 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
     if described != own:
-        scene = scene.model_copy(
-            update={"material": MaterialSpec.model_validate(described.describe())}
-        )
+        update = {"material": MaterialSpec.model_validate(described.describe())}
+        # References are elastic solutions.
+        update |= {"reference": None} if described.memory else {}
+        scene = scene.model_copy(update=update)
     measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
@@ -169,12 +173,13 @@ def in_words(law: Law) -> str:
     """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all
     digits.
     """
+    return _inline(law.describe())
 
-    def written(value) -> str:
-        if isinstance(value, dict):
-            return f"{{{', '.join(f'{key}={written(one)}' for key, one in value.items())}}}"
-        if isinstance(value, list | tuple):
-            return f"[{', '.join(map(written, value))}]"
-        return json.dumps(value)
 
-    return written(law.describe())
+def _inline(value: Any) -> str:
+    """Return a value as TOML in a line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}={_inline(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_inline, value))}]"
+    return json.dumps(value)
