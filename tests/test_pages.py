@@ -134,6 +134,7 @@ PAGES = {
     "tutorial/field.md": left("torn.png"),
     "tutorial/crack.md": left("crack.html", "out/crack/summary.json"),
     "tutorial/energy-model.md": lambda folder, printed: None,
+    "tutorial/relaxing-seal.md": left("out/cycles/identify.json", "out/seal/seal.pvd"),
     "tutorial/ranks.md": two_ranks,
     "tutorial/study.md": six_runs,
     "guide/export.md": left(
