@@ -36,7 +36,7 @@ SETTINGS = {
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
-    "stress": "force=analytic and force=bond-energy support every law under plane stress",
+    "stress": "force=bond-energy supports every law under plane stress",
     "strain": "force=analytic and force=bond-energy support both",
     "space": "force=bond-energy, force=nosb and artifacts of isochoric energies support solids",
 }

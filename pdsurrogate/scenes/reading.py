@@ -19,6 +19,9 @@ MOST_BYTES = 16 * 2**20
 corners.
 """
 
+MEMORY = {"branches", "prony", "softening"}
+"""Keys of a material that is not elastic alone."""
+
 
 def scene_names() -> list[str]:
     """Return the names of the built-in scenes.
@@ -89,14 +92,20 @@ def load_scene(
             f"changes must be a list of key=value, or a mapping, not the text {changes!r}"
         )
     pairs = changes.items() if isinstance(changes, Mapping) else map(parse_change, changes)
-    for key, value in [*pairs, *parameters.items()]:
+    changed = [*pairs, *parameters.items()]
+    for key, value in changed:
         apply_change(data, key, value)
-    body = data.get("body")
+    built_in = str(reference) in scene_names()
+    material = data.get("material")
     if (
-        isinstance(body, dict)
-        and isinstance(body.get("file"), str)
-        and str(reference) not in scene_names()
+        built_in
+        and isinstance(material, dict)
+        and MEMORY & material.keys()
+        and "reference" not in dict(changed)
     ):
+        data.pop("reference", None)  # it is a solution for the elastic material
+    body = data.get("body")
+    if isinstance(body, dict) and isinstance(body.get("file"), str) and not built_in:
         # A scene file names its mesh from where it stands itself.
         body["file"] = str(Path(reference).parent / body["file"])
     try:

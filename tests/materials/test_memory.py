@@ -45,3 +45,11 @@ def test_a_model_without_memory_refuses_branches():
     law = NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
     with pytest.raises(ValueError, match="does not describe branches"):
         pds.forces.NOSBForce().bind(body, law, pds.ForceSettings())
+
+
+def test_built_in_scenes_with_memory_have_no_elastic_reference():
+    changes = {"material.prony": [[0.3, 1.0]], "times": [1.0, 2.0, 3.0]}
+    assert pds.load_scene("uniaxial", changes).reference is None
+    assert pds.load_scene("uniaxial", {"times": [1.0, 2.0, 3.0]}).reference == "uniaxial"
+    with pytest.raises(pds.SceneError, match="reference: uniaxial is a solution for elastic"):
+        pds.load_scene("uniaxial", changes | {"reference": "uniaxial"})
