@@ -66,7 +66,9 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     Warns
     -----
     UserWarning
-        If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`).
+        If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`); or
+        if an artifact with branches or softening has no energy for sheets, where the exact energy
+        of its material is used.
     OutsideDomainWarning
         If grips stretch a body with branches at rates that the tests behind them did not have.
     """
@@ -112,6 +114,14 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
+    if described.memory and scene.plane not in model.honors["plane"]:
+        warnings.warn(
+            f"scene {scene.name}: {model.name} has no energy for plane={scene.plane}: the exact"
+            " energy of its material is used (bond-energy), which does not know the range of its"
+            " tests",
+            stacklevel=3,
+        )
+        model = load_surrogate("bond-energy")
     return scene, model
 
 

@@ -292,7 +292,7 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
     told = ["--mode", "uniaxial", "--branches", "2", "--samples", "2000", "--out", tmp_path]
     done = invoke("fit", "relaxing", "--data", file, *told)
     assert done.exit_code == 0, done.output
-    scene = pds.load_scene("uniaxial")
+    scene = pds.load_scene("uniaxial", {"plane": "strain", "reference": None})
     minutes = scene.model_copy(update={"units": scene.units.model_copy(update={"time": "min"})})
     for given, minute in ((scene, 1), (minutes, 60)):
         found, model = with_material(given, tmp_path / "relaxing" / "1")
@@ -302,8 +302,16 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
     timed = {"stretches": [1.2, 1.5], "times": [2.0, 5.0]}
     with warnings.catch_warnings():
         warnings.simplefilter("error", OutsideDomainWarning)
-        found, _ = with_material(pds.load_scene("uniaxial", timed), tmp_path / "relaxing" / "1")
+        sheet = pds.load_scene("uniaxial", timed, spacing=0.25)
+        with pytest.warns(UserWarning, match="the exact energy of its material is used"):
+            found, model = with_material(sheet, tmp_path / "relaxing" / "1")
     assert found.reference is None  # of elastic sheets
+    levels = pds.simulate(found, model).levels
+    knots = [0.0, 2.0, 5.0], [1.0, 1.2, 1.5]
+    at = np.linspace(0, 5, 501)
+    expected = stress_history(found.law(), "uniaxial", at, np.interp(at, *knots))
+    for level, row in zip(levels, (200, 500), strict=True):
+        assert level["nominal_stress"] == pytest.approx(expected.nominal_stress[row], rel=0.01)
     for times, words in (
         ([0.01, 5.0], "up to 20"),
         ([0.0, 5.0], "up to inf"),
