@@ -187,7 +187,11 @@ class Run(System):
         """
         if not self.ranks.rank:
             numbers = {self.loading.parameter: parameter, **numbers}
-            event(stage, self.state.stage + min(share, 1.0), len(self.stages), **numbers)
+            # Stages with more outputs mostly take longer.
+            outputs = [one.outputs for one in self.stages]
+            number = self.state.stage
+            done = sum(outputs[:number]) + min(share, 1.0) * outputs[number]
+            event(stage, done, sum(outputs), **numbers)
         self.keep_tables()
 
     def note(self, increment: float, **entries) -> None:
