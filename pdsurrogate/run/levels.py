@@ -197,7 +197,7 @@ class Equilibria:
             accepted = _Accepted(run, self.solver)
             began = run.force.evaluations
             try:
-                equilibrium = self._follow(increments)
+                equilibrium = self.follow(increments)
             except TooSmall:
                 accepted.restore(run, self.solver)
                 raise
@@ -223,7 +223,7 @@ class Equilibria:
                 return None
         return equilibrium
 
-    def _follow(self, increments: Increments) -> Equilibrium:
+    def follow(self, increments: Increments) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment.
 
         Raise an error if the equilibrium is unstable or does not continue the last one
@@ -295,7 +295,7 @@ class Equilibria:
             # A state accepted at a coarse tolerance just below a limit load need not be one.
             target, run.target = run.target, at
             try:
-                self._record(self._follow(Increments(at, at, 1.0)))
+                self._record(self.follow(Increments(at, at, 1.0)))
             except FAILURES:
                 last += " (only to the tolerance of increments)"
             run.target = target

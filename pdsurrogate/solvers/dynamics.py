@@ -130,8 +130,8 @@ class ExplicitDynamics:
         self._hold = hold
         self.positions = positions
         self.velocities = velocities
-        self._free = free
-        self._mass = mass
+        self.free = free
+        self.mass = mass
         self._damping = damping
         self._viscosity = viscosity
         self._safety = safety
@@ -157,11 +157,11 @@ class ExplicitDynamics:
             If no stable time step exists.
         """
         self._hold(self.positions, 0.0)
-        self._limit(self.frequency(self._loaded, self.positions))
+        self.limit(self.frequency(self._loaded, self.positions))
         self.last_step = self.time_step
         self._evaluate()
 
-    def _limit(self, squared: float) -> None:
+    def limit(self, squared: float) -> None:
         """Limit the time step to the stable one for the square of the body's highest frequency;
         contact may begin before the next call.
         """
@@ -188,7 +188,7 @@ class ExplicitDynamics:
             places += self.positions
             self._hold(places, self._viscosity)
         if follow:
-            self._limit(self.frequency.follow(self.force, places, self.forces))
+            self.limit(self.frequency.follow(self.force, places, self.forces))
         else:
             self.force(places, self.forces)
         if self._viscosity > 0:
@@ -267,7 +267,7 @@ class ExplicitDynamics:
         """Advance arrays of velocities and positions, the body's own or copies, by one step with
         the present forces, in place.
         """
-        scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
+        scheme = self.forces, self.free, self.mass, self._damping, step, self.last_step
         central_difference_step(positions, velocities, *scheme)
 
     def next_step(self) -> float:
@@ -293,7 +293,7 @@ class ExplicitDynamics:
         self.velocities += self._kicks
 
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
-        return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
+        return 0.5 * self.last_step * forces / self.mass[:, None] * self.free
 
     def evaluate(self, bonds_break: bool = False) -> None:
         """Evaluate the forces at the present positions, and the stable time step if it is due by
@@ -332,7 +332,7 @@ class ExplicitDynamics:
         """
         before, now, after = self.velocities_around()
         arriving, leaving = (
-            self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after)
+            self._share.dot(side, now - 0.5 * side, self.mass) for side in (before, after)
         )
         return arriving, leaving
 
@@ -353,10 +353,10 @@ class ExplicitDynamics:
         minus the elastic forces and loads.
         """
         before, now, after = self.velocities_around()
-        taking = self._damping * self._mass[:, None] * now
-        power = self._damping * self._share.dot(now, now, self._mass)
+        taking = self._damping * self.mass[:, None] * now
+        power = self._damping * self._share.dot(now, now, self.mass)
         if self._viscosity > 0:
-            viscous = self._free * (self.elastic_with_loads() - self.forces)
+            viscous = self.free * (self.elastic_with_loads() - self.forces)
             taking += viscous
             power += self._share.dot(viscous, now)
         return Power(self._share.dot(taking, before), power, self._share.dot(taking, after))

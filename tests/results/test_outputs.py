@@ -52,6 +52,13 @@ TEAR = {
     "dynamics.stretch_rate": 40.0,
 }
 
+RELAXING = {
+    "spacing": 0.25,
+    "stretches": 1.5,
+    "times": 2.0,
+    "material.branches": [{"modulus": 1.0, "time": 1.0}],
+}
+
 
 def _program() -> pds.Scene:
     """Two materials, a load, a probe, an obstacle, equilibrium and viscous dynamics."""
@@ -164,6 +171,7 @@ def folders(tmp_path_factory):
                 tested,
             ),
             "pulled": (_pulled(law), tested),
+            "relaxing": (pds.load_scene("uniaxial", RELAXING), "bond-energy"),
             "program": (_program(), "bond-energy"),
             "far": (_far(), "bond-energy"),
             "tear": (pds.load_scene("tear", TEAR), "bond-energy"),

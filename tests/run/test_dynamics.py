@@ -680,8 +680,8 @@ def test_steps_beside_a_crack_are_stable_and_no_shorter_than_they_must_be(
                 greatest_eigenvalue(
                     integrator.force,
                     integrator.positions,
-                    integrator._mass,
-                    integrator._free,
+                    integrator.mass,
+                    integrator.free,
                 )
             )
             ratio = 0.5 * 0.02 * highest

@@ -130,9 +130,9 @@ def test_a_crack_that_makes_energy_is_a_failure(monkeypatch):
     """
     scene = strip(viscosity=0.0, safety=0.9)
     assert abs(account(pds.simulate(scene, "bond-energy"))["energy_gap"]) < 2
-    limit = ExplicitDynamics._limit
+    limit = ExplicitDynamics.limit
     monkeypatch.setattr(
-        ExplicitDynamics, "_limit", lambda self, squared: limit(self, squared / 1.44**2)
+        ExplicitDynamics, "limit", lambda self, squared: limit(self, squared / 1.44**2)
     )
     with pytest.raises(
         pds.SimulationFailed,

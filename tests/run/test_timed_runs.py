@@ -113,7 +113,7 @@ def test_shortened_increments_take_their_share_of_the_time():
     from pdsurrogate.run import levels
     from pdsurrogate.solvers.equilibrium import NoEquilibrium
 
-    follow = levels.Equilibria._follow
+    follow = levels.Equilibria.follow
 
     def failing(self, increments):
         equilibrium = follow(self, increments)
@@ -122,7 +122,7 @@ def test_shortened_increments_take_their_share_of_the_time():
         return equilibrium
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(levels.Equilibria, "_follow", failing)
+        patch.setattr(levels.Equilibria, "follow", failing)
         wild = {"solver": {"largest_increment": 0.5}}
         halting = pds.simulate(scene_of(**program, **wild), "bond-energy")
     stresses = [[level["nominal_stress"] for level in one.levels] for one in (smooth, halting)]
