@@ -116,25 +116,32 @@ def test_cuts_of_scenes_in_space():
 @pytest.mark.slow
 def test_a_small_trouser_tear():
     """Legs of 4 mm, torn by 6 mm. The diameter is that of strips; trouser tears need 3 to 9 %
-    less, and the crack strays: 25 %.
+    less.
+
+    As in tests with a groove the bonds across the plane of the cut are weaker than others. A crack
+    of this resolution strays otherwise, and its energy depends on the time step: 1.2 and 1.4.
     """
-    legs = {
+    regions = {
         name: {"box": [[0.0, low, 0.66], [0.46, low + 4, 1.01]]}
         for name, low in (("one", 0.0), ("two", 4.0))
     }
+    regions["upper"] = {"box": [[-1.0, 4.0, -1.0], [19.0, 9.0, 3.0]]}
+    rubber = load_scene("trousers").material
     dynamics = {"duration": 14.0, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
     changes = {
         "body.size": [18.0, 8.0, 2.0],
         "precuts": [{"corner": [-1.0, 4.0, -1.0], "sides": [[9.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
-        "regions": legs,
-        "fracture.energy": 1.0,
+        "regions": regions,
+        "materials": [{"region": "upper", "material": rubber}],
+        "fracture.energy": 3.0,
+        "fracture.interfaces": [{"between": ["rest", "upper"], "energy": 1.0}],
         "steps": [{"to": 3.0}, {"to": 17.0, "outputs": 14, "dynamics": dynamics}],
     }
     result = simulate(load_scene("trousers", changes))
     rows = in_dynamics(result)[:-1]  # in the last row the legs come to a halt
     force = np.mean([row["force_one_3"] for row in rows if row["t"] > 11])
     assert pds.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(
-        1.0, rel=0.25
+        1.0, rel=0.15
     )
     assert abs(account(rows)) < 0.01
     assert result.summary["crack"]["tips"][-1]["tip"][0] > 13
