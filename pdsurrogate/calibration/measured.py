@@ -374,8 +374,7 @@ class MeasuredScene:
 
     def _check(self) -> None:
         """Raise ValueError for steps or quantities that the scene does not have."""
-        specs = [self.scene.material, *(part.material for part in self.scene.materials)]
-        if any(spec and spec.remembers for spec in specs):
+        if self.scene.remembers:
             raise ValueError(
                 f"scene {self.scene.name}: a law with branches or softening cannot be calibrated"
                 " with a body: learn it from tests over time (identify --branches)"

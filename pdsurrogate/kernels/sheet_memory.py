@@ -101,6 +101,20 @@ def interpolated_step(residual, slope, J3, before):
     return step, inverse, error if falls else np.inf
 
 
+@inlined
+def parts_of(sums):
+    """Return the parts of a thread's buffer after the first, in the order of their rows."""
+    return (
+        rows_from(sums, plane.MATRIX),
+        rows_from(sums, STATES),
+        rows_from(sums, RESULT),
+        rows_from(sums, ISOCHORIC),
+        rows_from(sums, STRAINS),
+        rows_from(sums, ADDED),
+        rows_from(sums, KNOWN),
+    )
+
+
 @inline
 def find_states(sums, reference, law, memory, steps):
     """Compute the gradients of the pairs of a block and their states, with the J3 at which the
@@ -109,13 +123,7 @@ def find_states(sums, reference, law, memory, steps):
     `sums` are the sums of the gradients of both points, `law` and `memory` as in `pair_energies`,
     and `steps` the coefficients of the block.
     """
-    bonds = rows_from(sums, plane.MATRIX)
-    states = rows_from(sums, STATES)
-    result = rows_from(sums, RESULT)
-    part = rows_from(sums, ISOCHORIC)
-    strains = rows_from(sums, STRAINS)
-    added = rows_from(sums, ADDED)
-    known = rows_from(sums, KNOWN)
+    bonds, states, result, part, strains, added, known = parts_of(sums)
     response, isochoric, parameters = law
     moduli, softening, _ = memory
     kinked = softening.shape[0] > 0
@@ -233,13 +241,7 @@ def pair_energies(
     counts, energies, stored, forces, moments = results
     widest_vectors()
     sums = block_rows(buffers[chunk.thread])
-    bonds = rows_from(sums, plane.MATRIX)
-    states = rows_from(sums, STATES)
-    result = rows_from(sums, RESULT)
-    part = rows_from(sums, ISOCHORIC)
-    strains = rows_from(sums, STRAINS)
-    added = rows_from(sums, ADDED)
-    known = rows_from(sums, KNOWN)
+    bonds, states, result, part, strains, added, known = parts_of(sums)
     counted = geometry.shape[1] - 1
     modulus = 0.0
     for branch in range(moduli.shape[0]):

@@ -20,16 +20,22 @@ FULL = 30.0
 
 
 @inlined
-def _softened(difference, greatest, softening):
-    """Return erf z and the energy (s/r) times the integral of erf from 0 to z, for z =
-    `difference`/s and the scale s at a `greatest` energy.
+def _erf_at(difference, greatest, softening):
+    """Return erf z, exp(-z^2) and s, for z = `difference`/s and the scale s at a `greatest`
+    energy.
     """
     scale = softening[1] + softening[2] * greatest
     scale = select(scale > LEAST, scale, LEAST)
     z = difference / scale
     z = select(z < FULL, z, FULL)
     decay = exponential(-z * z)
-    erf = error_function(z, decay)
+    return error_function(z, decay), decay, scale
+
+
+@inlined
+def _softened(difference, greatest, softening):
+    """Return erf z and the energy (s/r) times the integral of erf from 0 to z, see `_erf_at`."""
+    erf, decay, scale = _erf_at(difference, greatest, softening)
     return erf, (difference * erf + scale * ((decay - 1.0) * AT_REST)) / softening[0]
 
 
@@ -42,14 +48,10 @@ def softening_loss(greatest, softening):
 @inlined
 def softening_factor(energy, greatest, softening):
     """Return the factor eta at an energy W, and its derivative by W."""
-    scale = softening[1] + softening[2] * greatest
-    scale = select(scale > LEAST, scale, LEAST)
-    below = select(energy < greatest, (greatest - energy) / scale, 0.0)
-    below = select(below < FULL, below, FULL)
-    decay = exponential(-below * below)
+    below = select(energy < greatest, greatest - energy, 0.0)
+    erf, decay, scale = _erf_at(below, greatest, softening)
     slope = 2.0 * AT_REST / (softening[0] * scale) * decay
-    eta = 1.0 - error_function(below, decay) / softening[0]
-    return eta, select(below > 0.0, slope, 0.0)
+    return 1.0 - erf / softening[0], select(below > 0.0, slope, 0.0)
 
 
 @inlined

@@ -13,6 +13,7 @@ from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
 from ..solvers.quasi_newton import EnergyMinimizer
 from ..solvers.reactions import Reactions, reactions_of, support_reactions
+from .rows import dissipated_columns
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -372,7 +373,8 @@ class Bookkeeping:
         """
         account = self.account
         account.row_time = account.time
-        dissipated = sum(self.run.dissipated_energy().values())
+        lost = dissipated_columns(self.run)
+        dissipated = sum(lost.values())
         if first:
             account.initial_energy = kinetic + strain
             account.dissipated_before = dissipated
@@ -387,14 +389,14 @@ class Bookkeeping:
         if self.closes:
             account.gap = (
                 kinetic + strain - put_in + account.damped_energy + account.released_energy
-            )
-            account.gap += dissipated - account.dissipated_before
+            ) + (dissipated - account.dissipated_before)
             account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
         return {
             "work": account.work,
             "kinetic_energy": kinetic,
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
+            **lost,
         }
 
     def entries(self) -> dict:

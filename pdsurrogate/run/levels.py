@@ -143,17 +143,14 @@ class Equilibria:
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
             self._last_output = _Accepted(run, self.solver)
             due = (self.stage.duration or 0.0) * ((state.outputs + 1) / self.stage.outputs)
-            for turn in self._turns_before(goal):
-                share = (turn - state.parameter) / (goal - state.parameter)
-                increments = self._path.increments_to(turn, share * (due - state.time))
-                if self._go_to_output(increments) is None:
+            for stop in [*self._turns_before(goal), goal]:
+                way = goal - state.parameter
+                share = 1.0 if stop == goal else (stop - state.parameter) / way
+                increments = self._path.increments_to(stop, share * (due - state.time))
+                equilibrium = self._go_to_output(increments)
+                if equilibrium is None:
                     self._last_output.restore(run, self.solver)
                     return False
-            increments = self._path.increments_to(goal, due - state.time)
-            equilibrium = self._go_to_output(increments)
-            if equilibrium is None:
-                self._last_output.restore(run, self.solver)
-                return False
             state.outputs += 1
             state.time = due
             self._record(equilibrium)

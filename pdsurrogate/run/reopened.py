@@ -32,10 +32,7 @@ def check_models(
             raise ValueError(
                 f"{method}: {model.name} cannot be evaluated in double precision, which {what} need"
             )
-    specs = [scene.material, *(part.material for part in scene.materials)]
-    if any(spec and spec.remembers for spec in specs) or any(
-        term.keeps for model in models for term in model.terms(scene.plane)
-    ):
+    if scene.remembers or any(term.keeps for model in models for term in model.terms(scene.plane)):
         raise ValueError(
             f"{method}: there are no {what} here: the forces depend on earlier states of the body,"
             " as with branches or softening"

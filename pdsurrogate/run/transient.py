@@ -24,7 +24,6 @@ from .interruption import Interrupted
 from .rows import (
     component_columns,
     crack_rows,
-    dissipated_columns,
     forces_by_name,
     moments_by_name,
     output_row,
@@ -302,7 +301,6 @@ class Transient:
             | component_columns("force", forces)
             | state_columns(run)
         )
-        row |= dissipated_columns(run)
         if books.closes:
             row["released_energy"] = self.account.released_energy
         if run.state.crack is not None:

@@ -117,8 +117,7 @@ def _program(scene: SceneData) -> None:
             )
         if any(later < earlier for earlier, later in pairwise(scene.times)):
             raise ValueError("times: no time may be before the one of an earlier stretch")
-    specs = [scene.material, *(part.material for part in scene.materials)]
-    if scene.reference and any(one and one.remembers for one in specs):
+    if scene.reference and scene.remembers:
         raise ValueError(
             f"reference: {scene.reference} is a solution for elastic materials: leave it out, or"
             " the branches and softening"

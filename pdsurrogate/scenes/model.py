@@ -607,6 +607,19 @@ class SceneData(StrictModel):
         return bool(self.grips)
 
     @property
+    def remembers(self) -> bool:
+        """Return whether a material of the scene has branches or softening.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").remembers
+        False
+        """
+        specs = [self.material, *(part.material for part in self.materials)]
+        return any(spec is not None and spec.remembers for spec in specs)
+
+    @property
     def loaded_axis(self) -> int:
         """Return the axis along which grips pull the body: 0 for x1, 1 for x2, 2 for x3.
 
