@@ -353,6 +353,44 @@ def nominal(
     return (J ** (-2 / 3) * (along**2 - trace / 3) + volume) / along
 
 
+def inflated(pressure: float, inner: float, hoops: int, out_of: Callable, bulk_modulus=100.0):
+    """Equilibrium of a ring (one hoop stretch) or sphere (two) of radii `inner` and twice that
+    under pressure on its deformed inner surface: the radius and the radial nominal stress as a
+    function of the undeformed radius, and the radial stretch of stress and hoop stretch.
+
+    `out_of` gives the third stretch of radial and hoop stretch.
+    """
+
+    def along_of(stress: np.ndarray, across: np.ndarray) -> np.ndarray:
+        def excess(along):
+            return nominal(along, across, out_of(along, across), bulk_modulus) - stress
+
+        along = 1 / across
+        for _ in range(30):
+            slope = (excess(along + 1e-6) - excess(along - 1e-6)) / 2e-6
+            along = along - excess(along) / slope
+        return along
+
+    def slopes(R: np.ndarray, state: np.ndarray) -> np.ndarray:
+        across = state[0] / R
+        along = along_of(state[1], across)
+        hoop = nominal(across, along, out_of(along, across), bulk_modulus)
+        return np.array([along, hoops * (hoop - state[1]) / R])
+
+    R = np.linspace(inner, 2 * inner, 41)
+    guess = np.array([R, np.zeros_like(R)])
+    for load in np.linspace(0, pressure, 6)[1:]:
+        found = solve_bvp(
+            slopes,
+            lambda a, b, load=load: np.array([a[1] + load * (a[0] / inner) ** hoops, b[1]]),
+            R,
+            guess,
+            tol=1e-8,
+        )
+        guess = found.sol(R)
+    return found.sol, along_of
+
+
 def ring_states(
     pressure: float, plane: str
 ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -369,33 +407,10 @@ def ring_states(
             out = out - nominal(out, along, across) / slope
         return out
 
-    def along_of(stress: np.ndarray, across: np.ndarray) -> np.ndarray:
-        along = 1 / across if plane == "strain" else across**-0.5
-        for _ in range(20):
-            low, high = (
-                nominal(along + step, across, out_of(along + step, across))
-                for step in (-1e-6, 1e-6)
-            )
-            along = along - (nominal(along, across, out_of(along, across)) - stress) * 2e-6 / (
-                high - low
-            )
-        return along
-
-    def slopes(R: np.ndarray, state: np.ndarray) -> np.ndarray:
-        across = state[0] / R
-        along = along_of(state[1], across)
-        return np.array([along, (nominal(across, along, out_of(along, across)) - state[1]) / R])
-
-    R = np.linspace(1, 2, 41)
-    guess = np.array([R, np.zeros_like(R)])
-    for load in np.linspace(0, pressure, 5)[1:]:
-        found = solve_bvp(
-            slopes, lambda a, b, load=load: np.array([a[1] + load * a[0], b[1]]), R, guess, tol=1e-8
-        )
-        guess = found.sol(R)
+    found, along_of = inflated(pressure, 1.0, 1, out_of)
 
     def states(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        r, stress = found.sol(radius)
+        r, stress = found(radius)
         along = along_of(stress, r / radius)
         stretches = np.array([along, r / radius, out_of(along, r / radius)])
         turned = [stretches, stretches[[1, 0, 2]], stretches[[2, 0, 1]]]

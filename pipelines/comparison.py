@@ -7,7 +7,7 @@ import itertools
 import matplotlib
 import numba
 import numpy as np
-from clock import UNDISTURBED, TimedModel, measure_speed, sheet
+from clock import TimedModel, measure_speed, sheet
 from matplotlib.figure import Figure
 
 import pdsurrogate as pds
@@ -124,11 +124,12 @@ def compare() -> dict:
     precision.
     """
     entries, rows = candidates(), []
-    for entry, speed in zip(entries, measure_speed(entries, LAW, 200.0), strict=True):
+    for entry, speed in zip(entries, measure_speed(entries, LAW), strict=True):
         described = {"model": f"{entry.title}, {entry.precision}"}
         rows.append(described | speed | measure_error(entry) | measure_scene(entry))
     nosb, rival = (rows[number]["ns_per_directed_bond_1"] for number in (0, 1))
     for row in rows:
+        row["thread_speedup"] = row["ns_per_directed_bond_1"] / row["ns_per_directed_bond_all"]
         row["speedup_over_ba_nosb"] = rival / row["ns_per_directed_bond_1"]
         row["cost_over_nosb"] = row["ns_per_directed_bond_1"] / nosb
     machine = f"{processor()}, {most_threads()} threads, numba {numba.__version__}"
@@ -138,10 +139,8 @@ def compare() -> dict:
 TABLES = {
     "Cost of a force evaluation in ns per directed bond": {
         "1 thread": "{ns_per_directed_bond_1:.2f}",
-        "bond pass": "{ns_bond_pass_1:.2f}",
         "all threads": "{ns_per_directed_bond_all:.2f}",
         "speed-up": "{thread_speedup:.2f}",
-        "ideal": "{arithmetic_speedup:.2f}",
         "BA-NOSB / model": "{speedup_over_ba_nosb:.1f}",
         "model / NOSB": "{cost_over_nosb:.1f}",
     },
@@ -161,9 +160,6 @@ TABLES = {
 }
 """Titles of columns, with the formats by which their cells show a row of the report, by the title
 of the table.
-
-``ideal`` is the speed-up of arithmetic that needs no memory; ``bond pass`` is the part of an
-evaluation on one thread that runs over bonds.
 """
 
 
@@ -182,15 +178,6 @@ def table(report: dict, title: str) -> tuple[list[str], list[list[str]]]:
     return list(columns), [
         [cell(form, row) for form in columns.values()] for row in report["models"]
     ]
-
-
-def caution(rows: list[dict]) -> str:
-    """Text of a warning if other work on the machine disturbed timings; empty if not."""
-    most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
-    if most <= UNDISTURBED:
-        return ""
-    slower = f"the reference arithmetic took up to {most:.2f} times its shortest time"
-    return f"Other processes used the cores: {slower}, so the costs may be off by the same factor."
 
 
 def pareto_figure(report: dict) -> Figure:

@@ -89,6 +89,15 @@ class Damage:
             ]
         )
 
+    def overloaded(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of the overstretched pairs as `overstretched` does, and their loads
+        (k,): stretch divided by critical stretch, greater than 1.
+        """
+        pairs = self.overstretched(positions)
+        bonds = self.body.bonds
+        length = lengths_of(positions[bonds.second[pairs]] - positions[bonds.first[pairs]])
+        return pairs, length / np.sqrt(self._limits[pairs])
+
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Mark pairs, given by number, as broken in one event."""
         self._events += 1

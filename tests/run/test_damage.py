@@ -10,7 +10,8 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous
-from pdsurrogate.problem.fracture import critical_stretch_of, tearing_energy
+from pdsurrogate.materials.tearing import tearing_energy
+from pdsurrogate.problem.fracture import critical_stretch_of
 from pdsurrogate.run.damage import Damage, greatest_bond_stretch
 from pdsurrogate.scenes import Precut
 from pdsurrogate.scenes.tip_diameter import TIP_DIAMETER
@@ -104,6 +105,9 @@ def test_bonds_break_beyond_the_critical_stretch_and_only_once():
     vectors = body.points[bonds.second] - body.points[bonds.first]
     stretch = np.linalg.norm(vectors * [1.6, 1.0], axis=1) / np.linalg.norm(vectors, axis=1)
     np.testing.assert_array_equal(pairs, np.flatnonzero(stretch > 1.5))
+    found, loads = damage.overloaded(stretched)
+    np.testing.assert_array_equal(found, pairs)
+    np.testing.assert_allclose(loads, stretch[pairs] / 1.5, rtol=1e-12)
     assert len(damage.overstretched(body.points * [1.49, 1.0])) == 0
     damage.break_bonds(pairs)
     assert len(damage.overstretched(stretched)) == 0
