@@ -58,7 +58,7 @@ def log_mean_time(begin, end):
 @inlined
 def next_trial(x, residual, before, low, high):
     """Return the next trial of a search, and the bounds of its zero; `before` are x and residual of
-    the trial before, infinite at first.
+    the trial before, `NONE` at first.
     """
     low = select(residual < 0.0, x, low)
     high = select(residual < 0.0, high, x)

@@ -35,7 +35,7 @@ def memory_rows(dimension: int) -> int:
 
 @inlined
 def put_durations(passed, block, branch, h, durations):
-    """Write the relaxation times that pass in a step, `h` or those `passed`, to a row of a block."""
+    """Write the relaxation times that pass in a step, `h` or those `passed`, to a row."""
     for k in range(BLOCK):
         durations[0, k] = h
     if passed.shape[0] > 0:
