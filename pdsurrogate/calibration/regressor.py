@@ -234,9 +234,9 @@ class SceneRegressor(LawEstimator):
         ------
         ValueError
             If the law is unknown, a scene has no times for branches, X has other columns, steps or
-            quantities than the scene, a place lies outside the body, displacements are unlike those of the scene, the
-            law has no equilibrium at the start of the search, or an energy without a law is to be
-            found from displacements alone or from too few measurements.
+            quantities than the scene, a place lies outside the body, displacements are unlike those
+            of the scene, the law has no equilibrium at the start of the search, or an energy
+            without a law is to be found from displacements alone or from too few measurements.
         TypeError
             If a parameter is of another kind than named above.
 

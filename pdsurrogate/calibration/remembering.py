@@ -76,12 +76,18 @@ def with_memory(elastic: LawRegressor, scenes: Sequence[Scene]) -> LawRegressor 
     """Return the unknowns of a law with the memory of the first scene whose material remembers;
     those of the elastic energy if none does.
 
-    Raise ValueError if the material has branches, and a scene has no times.
+    Raise ValueError if the material has branches, and a scene has no times, or if times of
+    relaxation depend on the overstress.
     """
     laws = [scene.law() for scene in scenes if scene.material is not None]
     law = next((one for one in laws if one.memory), None)
     if law is None:
         return elastic
+    if law.memory.thinning:
+        raise ValueError(
+            "branches whose times depend on the overstress are not fitted with a body: give them"
+            " constant times, or learn them from tests over time (identify --branches)"
+        )
     for scene in scenes:
         try:
             check_durations(stages_of(scene), [law])

@@ -30,6 +30,7 @@ SHEET = {
     "stretches": [1.3, 1.3, 1.3],
     "times": [0.4, 1.5, 6.0],
 }
+THINNING = {"modulus": 1.0, "times": [(0.1, 1.0), (1.0, 0.1)]}
 PLACES = np.array([(x, y) for x in np.linspace(0.3, 1.7, 6) for y in (0.2, 0.5, 0.8)])
 NOISE, FORCE_NOISE = 5e-4, 5e-3
 
@@ -91,6 +92,11 @@ def test_softening_comes_back_from_the_forces_of_a_cycle():
     [
         ({}, None, "scene sheet: an energy without a law has no branches and no softening"),
         ({"times": []}, "neo-hookean", "scene sheet: times: missing"),
+        (
+            {"material": {"law": "neo-hookean", "branches": [THINNING]}},
+            "neo-hookean",
+            "branches whose times depend on the overstress are not fitted",
+        ),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_with_the_reason(changes, law, words):
