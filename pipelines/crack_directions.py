@@ -12,21 +12,18 @@ minutes.
 import time
 import warnings
 from functools import partial
-from itertools import product
 
 import numpy as np
-from cases import Figures, Study, report
+from cases import Study, report
 from pages import markdown_table
-from tip_diameters import ENERGY, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
+from tip_diameters import ENERGY, LONG, PRECUT, cases, law_of, layers_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 
-ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
-"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees,
-clouds.
-"""
+ROWS, ROWS_IN_SPACE = 24, 14
+"""Points per height of strips in the plane, and in space."""
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
 """Finer clouds: points per height, with G over shear modulus and height, and the travels of the
@@ -38,9 +35,6 @@ WIDER = 0.16, 0.75
 """These travels in a repeated tear, of which a bond would break in equilibrium before the usual
 ones, or whose crack has not passed the length along which it is measured when they end.
 """
-
-SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
-SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
 
 STRETCH = 2.4
 """Critical stretch of strips in space."""
@@ -64,30 +58,12 @@ left out.
 OUTPUTS = 120
 
 
-def cases() -> list[dict]:
-    """All tears, one cloud of every angle after the other."""
-    flat, solid = {"plane": "stress", "ratio": RATIO, "rows": ROWS}, SOLID
-    kinds = [(flat, (None, *SEEDS), ANGLES)]
-    kinds += [(flat | {"rows": rows}, SEEDS, ANGLES) for rows in FINER]
-    kinds += [(solid, (None, *SOLID_SEEDS), SOLID_ANGLES)]
-    return [
-        {"model": "bond-energy"}
-        | strips
-        | {"angle": angle}
-        | ({} if seed is None else {"arrangement": "relaxed", "seed": seed})
-        for strips, seeds, angles in kinds
-        for seed, angle in product(seeds, angles)
-    ]
-
-
-def advance_of(case: dict) -> int:
+def advance_of(case):
     """Advance of the crack in spacings."""
     return round(ADVANCE[case["plane"]] * case["rows"])
 
 
-def scene_of(
-    case: dict, travels: tuple[float, float] | None = None, **dynamics: float
-) -> pds.Scene:
+def scene_of(case, travels=None, **dynamics):
     """The strip with more outputs than for a diameter, other travels between which its dynamics
     last, and other settings of them.
     """
@@ -114,7 +90,7 @@ class TooShort(ValueError):
     """The crack has not passed the length along which it is measured."""
 
 
-def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: float) -> dict:
+def torn(case, travels=None, **dynamics):
     """Figures of one tear: direction, energies per length over G, G at the peak."""
     began, scene = time.process_time(), scene_of(case, travels, **dynamics)
     with warnings.catch_warnings():
@@ -158,7 +134,7 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
         * (layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0)
     )
 
-    def per_area(*keys: str) -> float:
+    def per_area(*keys):
         """Increase of energies between both ends, per area of the crack."""
         totals = np.interp(
             [level["time"] for level in levels],
@@ -180,7 +156,7 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
     }
 
 
-def tried(case: dict):
+def tried(case):
     """A case with the figures of its tear: an unstable one is repeated with shorter time steps, a
     short one with wider travels.
     """
@@ -190,12 +166,12 @@ def tried(case: dict):
         yield case | torn(case, WIDER)
 
 
-def rms(values: np.ndarray) -> float:
+def rms(values):
     """Root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def deviating(values: np.ndarray, figures: str) -> str:
+def deviating(values, figures):
     """Mean and its standard error, for one value the value alone."""
     error = (
         f" ± {np.std(values, ddof=1) / np.sqrt(len(values)):{figures}}" if len(values) > 1 else ""
@@ -203,7 +179,7 @@ def deviating(values: np.ndarray, figures: str) -> str:
     return f"{np.mean(values):{figures}}{error}"
 
 
-def prescribed(tear: dict) -> float:
+def prescribed(tear):
     """The `fracture.energy` for which the package chooses the critical stretch of a tear in the
     plane; 1 for solids.
     """
@@ -218,7 +194,7 @@ def prescribed(tear: dict) -> float:
     )
 
 
-def row_of(label: str, tears: list[dict]) -> list[str]:
+def row_of(label, tears):
     """Figures of several tears, to be averaged."""
     directions, units = (
         np.array([tear["direction"] for tear in tears]),
@@ -236,7 +212,7 @@ def row_of(label: str, tears: list[dict]) -> list[str]:
     return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, points: str, rows: int, figures: Figures) -> str:
+def table_of(plane, points, rows, figures):
     """Tears of a plane, arrangement and number of rows, by angle and all together."""
     tears = [
         tear
@@ -264,11 +240,11 @@ def table_of(plane: str, points: str, rows: int, figures: Figures) -> str:
 TABLES = [
     *(("stress", "relaxed", rows) for rows in (ROWS, *FINER)),
     ("stress", "lattice", ROWS),
-    ("space", "relaxed", SOLID["rows"]),
-    ("space", "lattice", SOLID["rows"]),
+    ("space", "relaxed", ROWS_IN_SPACE),
+    ("space", "lattice", ROWS_IN_SPACE),
 ]
 
 if __name__ == "__main__":
     tables = {"directions-{}-{}-{}".format(*one): partial(table_of, *one) for one in TABLES}
-    named = {name_of(case): partial(tried, case) for case in cases()}
+    named = {name: partial(tried, case) for name, case in cases("crack-directions").items()}
     report(__doc__, Study("crack-directions", named, tables))

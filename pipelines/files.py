@@ -33,12 +33,12 @@ The script `pipelines/files.py` writes this page from the docstrings.
 """
 
 
-def what_for(module: ast.Module) -> str:
+def what_for(module):
     """The first paragraph of a module's docstring, in one line."""
     return " ".join((ast.get_docstring(module) or "").split("\n\n")[0].split())
 
 
-def names_of(module: ast.Module) -> list[str]:
+def names_of(module):
     """Classes, functions and constants of a module that begin without an underscore, in their
     order.
     """
@@ -46,24 +46,16 @@ def names_of(module: ast.Module) -> list[str]:
     for statement in module.body:
         if isinstance(statement, ast.ClassDef | ast.FunctionDef):
             found.append(statement.name)
-        elif isinstance(statement, ast.Assign):
-            targets = (
-                name
-                for target in statement.targets
-                for name in ast.walk(target)
-                if isinstance(name, ast.Name)
-            )
-            found += [name.id for name in targets if name.id.isupper()]
-        elif (
-            isinstance(statement, ast.AnnAssign)
-            and isinstance(statement.target, ast.Name)
-            and statement.target.id.isupper()
-        ):
-            found.append(statement.target.id)
+        elif isinstance(statement, ast.Assign | ast.AnnAssign):
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            inside = (name for target in targets for name in ast.walk(target))
+            found += [
+                name.id for name in inside if isinstance(name, ast.Name) and name.id.isupper()
+            ]
     return [name for name in dict.fromkeys(found) if not name.startswith("_")]
 
 
-def files() -> str:
+def files():
     """The page of the files."""
     rooms: dict[str, list[str]] = {}
     for path in sorted((ROOT / "pdsurrogate").rglob("*.py")):
@@ -80,7 +72,7 @@ def files() -> str:
     )
 
 
-def examples() -> str:
+def examples():
     """The page of the examples."""
     shown = {
         path.name: what_for(ast.parse(path.read_text("utf-8")))

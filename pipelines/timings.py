@@ -2,9 +2,9 @@
 
 python pipelines/timings.py tear cube                       costs, by names that `--help` lists
 python pipelines/timings.py tear cube --commits OLD NEW     of two commits in turns, and their ratio
-python pipelines/timings.py figures --commits OLD NEW       what differs in sections 6.2 to 6.7
+python pipelines/timings.py 6.2 6.7 --commits OLD NEW       with the figures of sections 6.2 to 6.7
 python pipelines/timings.py properties --commits OLD NEW    what differs in required properties
-python pipelines/timings.py speed threads ranks --docs      tables, into the documentation
+python pipelines/timings.py scaling threads ranks --docs    tables, into the documentation
 
 Commits are checked out into a temporary folder and run in processes of their own with this Python,
 so that both must run on what is installed. Each goes first in every other turn; medians over the
@@ -24,15 +24,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
 import numpy as np
-from cases import Figures, Study, measure, of_rows, write_tables
-from pages import FIGURES, markdown_table
+from cases import measure, of_rows, write_tables
 
 import pdsurrogate as pds
 
@@ -219,16 +217,14 @@ class NotRun(SystemExit):
     """What a commit was asked is unknown to it or failed; the message is its own."""
 
 
-def environment(path: Path, **more: str) -> dict[str, str]:
+def environment(path, **more):
     """The variables of processes of a checkout."""
     # Threads that turn for milliseconds after their work would take the cores from the process
     # whose turn is next.
     return {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path), **more}
 
 
-def spent(
-    path: Path, *words: str, ranks: int = 0, together: int = 1, status: int = 0, **variables: str
-) -> dict[str, float]:
+def spent(path, *words, ranks=0, together=1, status=0, **variables):
     """Cost of processes of Python that start at once on a checkout, and the figures that the last
     one prints as JSON.
 
@@ -269,7 +265,7 @@ def spent(
 
 
 @contextmanager
-def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
+def server(path, **variables):
     """Context with a function that asks a process of a checkout, which stays alive, for the cost
     of a force.
     """
@@ -278,7 +274,7 @@ def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
         command, cwd=path, env=environment(path, **variables), stdin=-1, stdout=-1, text=True
     )
 
-    def ask(*question) -> float:
+    def ask(*question):
         print(json.dumps(question), file=process.stdin, flush=True)
         if not (answer := process.stdout.readline()):
             raise NotRun("a process ended without an answer; what it said is above")
@@ -305,7 +301,7 @@ class Cost:
     status: int = 0
     ranks: int = 0
 
-    def __call__(self, path: Path) -> dict[str, float]:
+    def __call__(self, path):
         if self.empty:
             for cache in path.rglob("__pycache__"):
                 shutil.rmtree(cache)
@@ -313,19 +309,19 @@ class Cost:
             path, *self.words, ranks=self.ranks, together=self.together, status=self.status
         )
 
-    def prepare(self, path: Path) -> None:
+    def prepare(self, path):
         """Fill the caches."""
         if not self.empty:
             spent(path, *(self.first or self.words), ranks=self.ranks, status=self.status)
 
 
 def run(
-    scene: str,
-    changes: dict | None = None,
-    coarse: dict | None = None,
-    force: str | None = None,
+    scene,
+    changes=None,
+    coarse=None,
+    force=None,
     **more,
-) -> Cost:
+):
     """Cost of a run; one with `coarse` changes fills the caches."""
     words = [
         ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force]))
@@ -334,7 +330,7 @@ def run(
     return Cost(words[0], first=words[1], **more)
 
 
-def command(*words: str, **more) -> Cost:
+def command(*words, **more):
     """Cost of a command of the package."""
     return Cost(("-m", "pdsurrogate", *words), **{"turns": 9, **more})
 
@@ -372,6 +368,7 @@ COSTS = SECTIONS | {
     "small-run": command(*SMALL_RUN),
     "pictures": command(*SMALL_RUN, "--out", "small-run", "--overwrite"),
     "compile": Cost(("-c", COMPILE), empty=True),
+    "properties": Cost(("-c", PROPERTIES), turns=1),
     "three": command(*SMALL_RUN, together=3, empty=True, turns=3),
     "one-rank": run("bonded-block", SMALL, ranks=1),
     "two-ranks": run("bonded-block", SMALL, ranks=2),
@@ -423,7 +420,7 @@ two; `forces` times them.
 
 
 @contextmanager
-def checkouts(references: list[str]) -> Iterator[list[Path]]:
+def checkouts(references):
     """Context with a folder for each commit."""
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / str(number) for number in range(len(references))]
@@ -444,9 +441,7 @@ def checkouts(references: list[str]) -> Iterator[list[Path]]:
                 )
 
 
-def in_turns(
-    paths: list[Path], turns: int, measure: Callable[[int], dict[str, float]]
-) -> list[dict[str, list[float]]]:
+def in_turns(paths, turns, measure):
     """Figures of all turns by quantity, of each checkout; each goes first in every other turn."""
     figures, gone = [{} for _ in paths], set()
     for turn in range(turns):
@@ -460,7 +455,7 @@ def in_turns(
     return figures
 
 
-def show(name: str, figures: list[dict[str, list[float]]]) -> None:
+def show(name, figures):
     """Print the medians of each quantity, and the median of the ratios of two commits."""
     for quantity in dict.fromkeys(key for of in figures for key in of):
         values = [of.get(quantity, []) for of in figures]
@@ -477,7 +472,7 @@ def show(name: str, figures: list[dict[str, list[float]]]) -> None:
         )
 
 
-def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
+def costs(names, paths, turns):
     """Costs by name, of one checkout or of two."""
     for name in names:
         if name == "forces":
@@ -493,19 +488,6 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
                             },
                         )
                         show(name, found)
-        elif name in ("figures", "properties"):
-            for title, cost in (
-                SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}
-            ).items():
-                found = [
-                    {
-                        key: [value]
-                        for key, value in cost(path).items()
-                        if value is not None and "(" not in key
-                    }
-                    for path in paths
-                ]
-                show(f"{name} {title}", found)
         else:
             cost = COSTS[name]
             for path in paths:
@@ -516,30 +498,6 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
             )
 
 
-def of_speed():
-    """Force models of sheets: cost, error and effort, and the figure of the documentation."""
-    import comparison
-
-    from pdsurrogate.results.figures import save
-
-    found = comparison.compare()
-    save(comparison.pareto_figure(found), FIGURES / "speed.png")
-    yield found
-
-
-def in_words(figures: Figures) -> str:
-    """The tables of `comparison`."""
-    import comparison
-
-    ((found,),) = figures.values()
-    shown = [
-        f"{title}:\n\n{markdown_table(*comparison.table(found, title))}"
-        for title in comparison.TABLES
-    ]
-    warning = comparison.caution(found["models"])
-    return "\n\n".join([f"Processor: {found['machine']}. {warning}".strip(), *shown])
-
-
 def of_sizes():
     """Cost per directed bond, setup and memory of the default surrogate by the size of a sheet."""
     from clock import TimedModel, measure_speed
@@ -548,7 +506,7 @@ def of_sizes():
     bodies = [pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width) for width in widths]
     model = pds.load_surrogate("neo-hookean@1")
     measured = measure_speed(
-        [TimedModel(model, "float32", body) for body in bodies], pds.materials.NeoHookean(), 100.0
+        [TimedModel(model, "float32", body) for body in bodies], pds.materials.NeoHookean()
     )
     for width, body, cost in zip(widths, bodies, measured, strict=True):
         found = spent(ROOT, "-c", SIZE, str(width))
@@ -668,7 +626,7 @@ def of_threads():
         yield setting, *medians
 
 
-def on_ranks(name: str, points: int, ranks: int, threads: int = 1) -> dict:
+def on_ranks(name, points, ranks, threads=1):
     """The figures of `RANK` for a scene with about so many points."""
     scene = pds.load_scene(name)
     lower, upper = map(np.array, scene.body.bounds())
@@ -751,7 +709,6 @@ POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
     study.name: study
     for study in (
-        Study("speed", {"": of_speed}, {"speed": in_words}),
         of_rows(
             "scaling",
             of_sizes,
@@ -846,8 +803,8 @@ TABLES = {
 """Tables of this checkout, by the names of their blocks in the documentation."""
 
 
-def main() -> None:
-    others = ["forces", "figures", "properties", *COSTS]
+def main():
+    others = ["forces", *COSTS]
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

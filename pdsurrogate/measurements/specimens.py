@@ -5,10 +5,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .breaks import weibull_modulus
 from .table import TableFile
 
 MODES = "uniaxial", "equibiaxial", "pure-shear"
 """Modes of loading, in which one stretch and one stress describe a test."""
+
+TEARS = TROUSER, SHEAR_TEAR = "trouser", "pure-shear-tear"
+"""Modes of tear tests: two legs that are pulled apart, and a strip with a long cut between wide
+grips.
+"""
+
+ALL_MODES = (*MODES, *TEARS)
+"""Modes that a file or a user can state."""
 
 BIAXIAL = "biaxial"
 """Mode of tests with two stretches, and the stress along each of them."""
@@ -21,9 +30,11 @@ class Facts:
     Attributes
     ----------
     mode : str, optional
-        Mode of loading: "uniaxial", "equibiaxial" or "pure-shear".
+        Mode of loading: "uniaxial", "equibiaxial" or "pure-shear", or that of a tear test,
+        "trouser" or "pure-shear-tear".
     gauge_length, area, width, thickness, diameter : str, optional
-        Of the undeformed specimen, with units: "25 mm", "12mm2".
+        Of the undeformed specimen, with units: "25 mm", "12mm2"; the width of trousers is that of
+        a leg.
     columns : mapping, optional
         Column of a quantity (`pdsurrogate.measurements.table.QUANTITIES`, "strain" or "stress") by
         its heading or its number from 1: ``{"force": "Kraft", "stress": 2}``.
@@ -37,6 +48,9 @@ class Facts:
         Rate of stretch, per second, of tests without times.
     zero : str, optional
         "shift" (default) moves the stretch at zero force to 1 where it is not, "keep" does not.
+    broke : str or bool, optional
+        Whether specimens broke, True or False, or "grips" if they broke there, "slipped" or
+        "limit" (of the machine): by default what files say, or the drop of the load.
     stress_unit : str, optional
         Unit of the stresses of the result; by default MPa, or that of the files where they state
         none.
@@ -55,6 +69,7 @@ class Facts:
     branch: str | int | None = None
     rate: str | float | None = None
     zero: str | None = None
+    broke: str | bool | None = None
     stress_unit: str | None = None
 
     def sizes(self) -> dict[str, str]:
@@ -85,11 +100,17 @@ class AtBreak:
     stretch, nominal_stress : float
     work : float
         Work per undeformed volume up to the break, in the unit of the stress.
+    drops : bool
+        Whether the load drops after it.
+    no_strength : str, optional
+        Why the stress is no strength, as that of a specimen that slipped.
     """
 
     stretch: float
     nominal_stress: float
     work: float
+    drops: bool
+    no_strength: str | None
 
 
 @dataclass(frozen=True)
@@ -137,6 +158,30 @@ class Specimen:
 
 
 @dataclass(frozen=True)
+class Tear:
+    """Tear of a specimen.
+
+    Attributes
+    ----------
+    name : str
+    mode : str
+        One of `TEARS`.
+    length : float
+        Width of a leg of trousers, or height of a strip between the grips, in mm.
+    nominal_stress : float
+        Of the legs while the tear runs, or of the strip when it begins.
+    stretch : float, optional
+        Of the strip when the tear begins.
+    """
+
+    name: str
+    mode: str
+    length: float
+    nominal_stress: float
+    stretch: float | None = None
+
+
+@dataclass(frozen=True)
 class MechanicalTests:
     """Tests that were read from files of machines (`read_tests`).
 
@@ -156,6 +201,8 @@ class MechanicalTests:
         "least", "greatest", "unit" (mm, N, s, MPa where the unit is known).
     tables : tuple of TableFile
         The files as they were read.
+    tears : tuple of Tear
+        Tear tests, which are no `specimens`.
     """
 
     name: str
@@ -165,6 +212,7 @@ class MechanicalTests:
     missing: tuple[str, ...] = ()
     ranges: tuple[dict, ...] = ()
     tables: tuple[TableFile, ...] = ()
+    tears: tuple[Tear, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -199,11 +247,17 @@ class MechanicalTests:
     @property
     def at_break(self) -> dict[str, dict]:
         """Mean and standard deviation of stretch, stress and work at break of the specimens of each
-        mode that broke, with their number.
+        mode that broke, with their number; the Weibull modulus of the stress and its standard error
+        from five on. Stresses that are no strength do not count.
         """
         found = {}
-        for mode in dict.fromkeys(one.mode for one in self.specimens if one.at_break):
-            broken = [one.at_break for one in self.specimens if one.mode == mode and one.at_break]
+        all_broken = [
+            (one.mode, one.at_break)
+            for one in self.specimens
+            if one.at_break and not one.at_break.no_strength
+        ]
+        for mode in dict.fromkeys(mode for mode, _ in all_broken):
+            broken = [one for own, one in all_broken if own == mode]
             values = np.array([(one.stretch, one.nominal_stress, one.work) for one in broken])
             spread = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(3, np.nan)
             found[mode] = {
@@ -218,6 +272,8 @@ class MechanicalTests:
                     )
                 },
             }
+            if modulus := weibull_modulus(values[:, 1]):
+                found[mode]["weibull_modulus"] = modulus
         return found
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
-from ..solvers.equilibrium import Equilibrium, EquilibriumSolver
+from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, TooSmall
 from ..solvers.increments import Increments
 from .checkpoints import Checkpoints
 from .cracks import Cracks
@@ -154,7 +154,7 @@ class Tearing(Equilibria):
             tolerance = max(tolerance, self._coarse())
         try:
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
-        except FAILURES:
+        except (*FAILURES, TooSmall):
             before.restore(run, solver)
             if not self._cracks.separated():
                 raise
@@ -163,7 +163,7 @@ class Tearing(Equilibria):
             run.loaded(run.positions, np.empty_like(run.positions))
             equilibrium = Equilibrium(run.residual, 0, solver.name)
         solver.gave_up = before.gave_up  # the next equilibrium is near
-        run.force.accept(run.positions)
+        run.accept()
         self._account.fall(left)
         return equilibrium
 
