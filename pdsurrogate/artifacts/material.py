@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..forces import FORCES, ForceModel, OutsideDomainWarning
+from ..forces.learned_energy import LearnedEnergy
 from ..materials import Law
 from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
@@ -67,8 +68,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     -----
     UserWarning
         If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`); or
-        if an artifact with branches or softening has no energy for sheets, where the exact energy
-        of its material is used.
+        if a learned energy of a body with branches or softening has none for the scene's plane,
+        where the exact energy of its material is used.
     OutsideDomainWarning
         If grips stretch a body with branches at rates that the tests behind them did not have.
     """
@@ -115,11 +116,11 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     rates = rates_between_grips(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
-    if described.memory and scene.plane not in model.honors["plane"]:
+    if described.memory and scene.plane not in model.remembers and isinstance(model, LearnedEnergy):
         warnings.warn(
-            f"scene {scene.name}: {model.name} has no energy for plane={scene.plane}: the exact"
-            " energy of its material is used (bond-energy), which does not know the range of its"
-            " tests",
+            f"scene {scene.name}: {model.name} has no energy with branches or softening for"
+            f" plane={scene.plane}: the exact energy of its material is used (bond-energy), without"
+            " a check of its domain",
             stacklevel=3,
         )
         model = load_surrogate("bond-energy")
