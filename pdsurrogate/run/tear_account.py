@@ -187,7 +187,8 @@ class TearAccount:
         if self._run.force.has_energy:
             spent = totals.damped_energy + totals.released_energy + known.dissipated
             totals.gap = known.energy + spent - totals.work
-            totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
+            if totals.corrected or not totals.size:
+                totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
 
     def columns(self) -> dict[str, float]:
         """Return the energies of a row of the history."""

@@ -198,7 +198,7 @@ class Tearing(Equilibria):
             super()._check(increments, reached, guess)
 
     def _record(self, equilibrium: Equilibrium) -> None:
-        self._cracks.output()
+        self._cracks.output(with_way=True)
         super()._record(equilibrium)
 
     def _row(self) -> None:
