@@ -112,7 +112,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         # References are elastic solutions.
         update |= {"reference": None} if described.memory else {}
         scene = scene.model_copy(update=update)
-    measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
+    measured = card.domain.rates
+    rates = rates_between_grips(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
     if described.memory and scene.plane not in model.remembers and isinstance(model, LearnedEnergy):
@@ -126,7 +127,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     return scene, model
 
 
-def _rates(scene: Scene) -> tuple[float, float] | None:
+def rates_between_grips(scene: Scene) -> tuple[float, float] | None:
     """Return the mean and the greatest rate of stretch of a body between grips, per second, None
     for other bodies, whose rates loads determine, and for bodies without times.
     """
@@ -164,8 +165,9 @@ def material_on(card: Card, scene: Scene) -> Law:
     unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
     if unit in PASCALS and scene.units.stress in PASCALS:
         law = law.scaled(PASCALS[unit] / PASCALS[scene.units.stress])
-    if tests and law.memory and scene.units.time in SECONDS:
-        law = replace(law, memory=law.memory.scaled(1.0, 1 / SECONDS[scene.units.time]))
+    second = SECONDS.get(tests.get("time_unit", "s"))
+    if tests and law.memory and second and scene.units.time in SECONDS:
+        law = replace(law, memory=law.memory.scaled(1.0, second / SECONDS[scene.units.time]))
     return law
 
 
