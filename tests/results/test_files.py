@@ -235,12 +235,3 @@ def test_nothing_to_resume_is_said_too(tmp_path):
     assert "not yet written a checkpoint" in how_to_resume(tmp_path)
     (tmp_path / "checkpoint.npz").touch()
     assert "--resume" in how_to_resume(tmp_path)
-
-
-def test_a_disk_that_fills_during_a_run_is_reported(tmp_path, monkeypatch):
-    full_disk(monkeypatch)
-    changes = [word for change in TEAR for word in ("--set", change)]
-    done = CliRunner().invoke(
-        app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)]
-    )
-    assert_one_clear_line(done, "could not write", "No space left")

@@ -82,14 +82,6 @@ def test_series_with_pyvista(saved):
     assert np.ptp(warped.bounds[:2]) == pytest.approx(1.5 * 3, rel=1e-4)
 
 
-def test_figure_is_a_picture(saved):
-    from matplotlib import image
-
-    picture = image.imread(saved[1] / "uniaxial.png")
-    assert picture.shape[0] > 300
-    assert picture.std() > 0.05
-
-
 def uniaxial(*stretches, **changes):
     return pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches), **changes})
 
