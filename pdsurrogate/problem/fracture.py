@@ -12,7 +12,7 @@ from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Mesh, Scene
-from ..scenes.loading_checks import gives_fracture_energy, names_of_materials
+from ..scenes.loading_checks import criteria_give, names_of_materials
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 
@@ -105,7 +105,7 @@ def _stretch_of_energy(law: Law, wanted: float, diameter: Callable[[float], floa
     """Return the stretch at which the uniaxial energy density times the diameter of a tip, in
     horizons, has a wanted value.
     """
-    return _stretch_at(
+    return stretch_at(
         law,
         lambda one: homogeneous.uniaxial(law, one).energy_density * diameter(one),
         wanted,
@@ -159,7 +159,7 @@ class CriticalStretches:
         self._of_points = of_points
         self._scene = scene
         self._remarks = list[str]()
-        tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
+        tip = tip_diameters_in(scene, family) if criteria_give(scene, "energy") else None
         if tip is not None and isinstance(scene.body, Mesh):
             self._say(
                 "fracture.energy: crack tips were measured on lattices and relaxed points, not on"
@@ -179,7 +179,7 @@ class CriticalStretches:
             for (given, key), law in zip(own, laws, strict=True)
         ]
         names = names_of_materials(scene)
-        ends = np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2))
+        ends = np.sort(ends_of_pairs(self._body, self._of_points)) if rest.interfaces else np.zeros((0, 2))
         self.of_interfaces = {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
@@ -213,7 +213,7 @@ class CriticalStretches:
         least = np.minimum.outer(self.of_materials, self.of_materials)
         for (one, other), stretch in self.of_interfaces.items():
             least[one, other] = least[other, one] = stretch
-        return least[tuple(self._ends().T)]
+        return least[tuple(ends_of_pairs(self._body, self._of_points).T)]
 
     def _critical(
         self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str
@@ -264,13 +264,13 @@ class CriticalStretches:
         self._remarks.append(remark)
         warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=3)
 
-    def _ends(self) -> np.ndarray:
-        """Return the numbers of the materials at both ends of every pair of the body, shape
-        (n_pairs, 2).
-        """
-        bonds = self._body.bonds
-        numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
-        return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
+
+def ends_of_pairs(body: Body, of_points: np.ndarray) -> np.ndarray:
+    """Return the numbers of the materials at both ends of every pair of a body, shape (n_pairs,
+    2); `of_points` are those of its points.
+    """
+    numbers = np.concatenate([of_points, of_points[body.ghosts.source]])
+    return np.stack([numbers[body.bonds.first], numbers[body.bonds.second]], axis=1)
 
 
 def check_walls(scene: Scene, body: Body) -> None:
@@ -278,7 +278,7 @@ def check_walls(scene: Scene, body: Body) -> None:
     and too much of it lies in thin walls.
     """
     if not (
-        scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and gives_fracture_energy(scene)
+        scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and criteria_give(scene, "energy")
     ):
         return
     share = share_in_walls(body, LEAST_LAYERS)
@@ -375,7 +375,7 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     """
     _check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
     stress = force / (leg_width * thickness)
-    stretch = _stretch_at(
+    stretch = stretch_at(
         law,
         lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress,
         stress,
@@ -394,7 +394,7 @@ def _check_positive(values: dict[str, float]) -> None:
             raise ValueError(f"the {name} must be positive and finite, not {value}")
 
 
-def _stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:
+def stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:
     """Return the uniaxial stretch at which a quantity of a law, a function of the stretch, has a
     wanted value.
 
