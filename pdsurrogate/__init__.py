@@ -23,7 +23,8 @@ _NAMES = {
         "CardText LevenbergMarquardtRegressor Samples TorchMLPRegressor cross_validate evaluate"
         " store surrogate_pipeline training_samples"
     ),
-    "problem.fracture": "critical_stretch_of tearing_energy",
+    "materials.tearing": "tearing_energy",
+    "problem.fracture": "critical_stretch_of",
     "results": "Result load_result",
     "run.damage": "greatest_bond_stretch",
     "run.preview": "preview",

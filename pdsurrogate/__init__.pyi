@@ -39,8 +39,8 @@ from .learning import evaluate as evaluate
 from .learning import store as store
 from .learning import surrogate_pipeline as surrogate_pipeline
 from .learning import training_samples as training_samples
+from .materials.tearing import tearing_energy as tearing_energy
 from .problem.fracture import critical_stretch_of as critical_stretch_of
-from .problem.fracture import tearing_energy as tearing_energy
 from .results import Result as Result
 from .results import load_result as load_result
 from .run.damage import greatest_bond_stretch as greatest_bond_stretch

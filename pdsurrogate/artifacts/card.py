@@ -229,12 +229,16 @@ class BreakEntries(StrictModel):
         Mean and standard deviation of the nominal stress. Unit: stress.
     work : pair of float
         Mean and standard deviation of the work per undeformed volume up to the break. Unit: stress.
+    weibull_modulus : pair of float, optional
+        Weibull modulus of the nominal stress, and its standard error, if at least five specimens
+        broke. Unit: none.
     """
 
     specimens: Annotated[int, Field(strict=True, gt=0)]
     stretch: tuple[Positive, Share | None]
     nominal_stress: tuple[Finite, Share | None]
     work: tuple[Finite, Share | None]
+    weibull_modulus: tuple[Positive, Positive] | None = None
 
 
 class IdentificationEntries(StrictModel):

@@ -212,6 +212,10 @@ def break_rows(at_break: dict[str, dict]) -> list[dict]:
                 + (f" ± {row[name][1]:.2g}" if row["specimens"] > 1 else "")
                 for name in ("stretch", "nominal_stress", "work")
             },
+            **{
+                name: f"{row[name][0]:.3g} ± {row[name][1]:.2g}"
+                for name in {"weibull_modulus"} & row.keys()
+            },
         }
         for mode, row in at_break.items()
     ]

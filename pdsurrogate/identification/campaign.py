@@ -43,7 +43,7 @@ Up = Annotated[
 """Direction of the axes of a field, as an option."""
 
 Text = Annotated[
-    str | None, BeforeValidator(lambda one: str(one) if type(one) in (int, float) else one)
+    str | None, BeforeValidator(lambda one: str(one) if type(one) in (int, float, bool) else one)
 ]
 
 
@@ -130,6 +130,9 @@ class TestFacts(TableFacts):
         Rate of stretch, per second, of tests without times.
     zero : str, optional
         Whether a stretch at zero force that is not 1 is moved to 1: "shift" (default) or "keep".
+    broke : str or bool, optional
+        Whether specimens broke: true, false, or "grips", "slipped" or "limit" (of the machine), for
+        tests whose load does not drop, or drops for another reason.
     stress_unit : str, optional
         Unit of the stresses that are fitted; by default MPa, or none if no file states one.
     """
@@ -168,6 +171,14 @@ class TestFacts(TableFacts):
     zero: Annotated[
         str | None,
         Option(help="Move a stretch at zero force that is not 1 to 1: shift (default) or keep."),
+    ] = None
+    broke: Annotated[
+        Text,
+        Option(
+            metavar="HOW",
+            help="Whether specimens broke: true, false, grips, slipped or limit (default: what"
+            " files say, or the drop of the load).",
+        ),
     ] = None
     stress_unit: Annotated[
         str | None, Option(metavar="UNIT", help="Unit of the stresses that are fitted.")

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..arguments import suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
-from .quantities import UNITS
+from .breaks import NO_STRENGTH, WORDS, last_state, slip
+from .quantities import UNITS, found_in
 from .reading import read_tables
 from .readings import Readings
 from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
@@ -18,6 +19,10 @@ OWN = "table of this project"
 """Form of tables whose documented unit is that of their stresses."""
 
 BRANCHES = "loading", "unloading", "all"
+
+SAME = 1e-3
+"""Relative difference of the ends of tests that ended at a limit of the machine, not by breaking:
+a tenth of the least scatter that any laboratory has."""
 
 
 def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
@@ -89,6 +94,7 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
     for part in parts:
         specimens += [replace(one, row=one.row + rows) for one in part.specimens]
         rows += part.rows
+    specimens, limits = _without_limits(specimens)
     together = MechanicalTests(name, tuple(specimens), next(iter(units), None))
     scatter = [
         f"{name}, {mode}: rows have weights of 1/variance; the specimens scatter by"
@@ -96,7 +102,12 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         " greatest stress"
         for mode, found in together.scatter.items()
     ]
-    said = (*(text for part in parts for text in part.assumed), *_twins(specimens), *scatter)
+    said = (
+        *(text for part in parts for text in part.assumed),
+        *_twins(specimens),
+        *limits,
+        *scatter,
+    )
     return replace(
         together,
         assumed=tuple(dict.fromkeys(said)),
@@ -104,6 +115,28 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         ranges=tuple(row for part in parts for row in part.ranges),
         tables=tuple(file for part in parts for file in part.tables),
     )
+
+
+def _without_limits(specimens: list[Specimen]) -> tuple[list[Specimen], list[str]]:
+    """Return specimens, whose breaks are no strengths if they were said to break, no load drops,
+    and several end at one stretch or stress; and remarks on these.
+    """
+    found, said = list(specimens), []
+    for mode in dict.fromkeys(one.mode for one in specimens):
+        places = [
+            (place, (one.at_break.stretch - 1, one.at_break.nominal_stress))
+            for place, one in enumerate(specimens)
+            if one.mode == mode and one.at_break and not one.at_break.drops
+        ]
+        ends = np.array([end for _, end in places])
+        if len(places) < 2 or (np.ptp(ends, axis=0) > SAME * np.abs(ends).max(axis=0)).all():
+            continue
+        cause = f"{len(places)} specimens end at the same stretch or stress, as at a limit"
+        said.append(f"{mode}: {cause} of the machine: their last state is no strength")
+        for place, _ in places:
+            at_break = replace(found[place].at_break, no_strength=cause)
+            found[place] = replace(found[place], at_break=at_break)
+    return found, said
 
 
 def _twins(specimens: list[Specimen]) -> list[str]:
@@ -132,6 +165,10 @@ def _check(facts: Facts) -> None:
             raise ValueError(f"unknown {what} {value!r}; {suggestion(str(value), known)}")
     if facts.rate is not None:
         _rate(facts)
+    if facts.broke is not None and found_in(WORDS, str(facts.broke)) is None:
+        raise ValueError(
+            f"broke must be true, false, or {', '.join(NO_STRENGTH)}, not {facts.broke!r}"
+        )
     branch = facts.branch
     if not (branch is None or branch in BRANCHES or str(branch).isdigit()):
         raise ValueError(
@@ -250,7 +287,17 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
     cycle, end, at_break = np.ones(len(rows), dtype=int), len(rows), None
     lost, zero = None, 1.0
     if mode != BIAXIAL:
-        peak = break_row(stretch, stress, time)
+        peak, ended = break_row(stretch, stress, time), readings.ended(rows)
+        drops = peak is not None
+        if (
+            ended in ("yes", "grips")
+            and not drops
+            and (peak := last_state(stretch, stress)) is None
+        ):
+            raise ValueError(
+                f"{readings.where}, {title or mode}: it broke as is said, but the load neither"
+                " drops while the strain goes on nor is greatest in the last row"
+            )
         end = len(rows) if peak is None else peak + 1
         branch[end:] = "broken"
         branch[:end], cycle[:end] = branches(stretch[:end], time[:end], readings.resolution)
@@ -266,10 +313,16 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
             _check_signs(readings, stretch[first], stress[first])
         if peak is not None:
             last = (cycle == cycle[peak]) & (np.arange(len(rows)) <= peak) & (branch != "unloading")
+            no_strength = NO_STRENGTH.get(str(ended))
+            slipped = slip(stretch, stress, branch == "loading", peak)
+            if slipped and not no_strength:
+                no_strength = f"the load falls at {slipped:.4g} and rises again, as if it slipped"
             at_break = AtBreak(
                 float(stretch[peak]),
                 float(stress[peak]),
                 float(np.trapezoid(stress[last], stretch[last])),
+                drops,
+                no_strength,
             )
     own = readings.numbers("cycle")[rows]
     cycle = own.astype(int) if np.isfinite(own).all() else cycle
@@ -343,7 +396,7 @@ def _tell(readings, name, branch, cycle, chosen, lost, at_break) -> None:
         readings.assumed.append(
             f"{name} breaks at a stretch of {at_break.stretch:.4g} and a nominal stress of"
             f" {at_break.nominal_stress:.4g}; {(branch == 'broken').sum()} rows after it are left"
-            " out"
+            " out" + f"; that is no strength: {at_break.no_strength}" * bool(at_break.no_strength)
         )
     if lost is not None and lost > LEAST:
         readings.assumed.append(

@@ -32,6 +32,7 @@ ALIASES = {
 """Spellings of units that pint does not know, or takes for another unit (kg of force)."""
 
 KINDS = {
+    "broke": r"^broken?\b|^gebrochen|^rompu|^rot[oa]\b|是否断裂",
     "no measurement": r"max(?!well)|minim|peak|break|bruch|rupture|rotura|yield|modul|strength|fes"
     r"tigkeit|rate\b|speed|geschw|vitesse|velocidad|energ|work\b|arbeit|grün|green|最大|断裂|破断"
     r"|速度|速率|能量|弹性模量|強度|强度|\bat\b|slope"
@@ -80,7 +81,7 @@ MEANINGS = {
 MECHANICAL = {"stress", "stretch", "volume-ratio", "elongation", "strain", "force", "extension"}
 """Kinds that make a table one of a test."""
 
-COUNTED = ("mode", "specimen", "weight", "cycle")
+COUNTED = ("mode", "specimen", "weight", "cycle", "broke")
 """Kinds whose units say nothing."""
 
 FACTS = {
@@ -92,6 +93,9 @@ FACTS = {
     "area": r"\barea|querschnitt|section|secci|[áa]rea|截面|面积|断面積|\bs0\b",
     "length": r"(^|: )(specimen )?(length|länge|longueur|longitud|长度|長さ)$"
     r"|einspannlänge|grip (sep|dist)",
+    "broke": r"^(broken?|break|bruch\w*|rupture|rotura|failure|fracture|断裂)\W*(location|type|mode"
+    r"|lieu|posici[oó]n|位置)?$"
+    r"|^(end of test|test end\w*|prüfende|versuchsende|fin d\w* (l')?essai)$",
     "specimen": rf"({KINDS['specimen']}) ?(label|name|id|n[or°]?\.?|number|nummer|编号|番号)?$"
     r"|^name$|bezeichnung|label|名称",
 }  # fmt: skip

@@ -43,7 +43,7 @@ FORMS = {
 }
 """Words by which the programs of machines are known."""
 
-MEASURED = {*QUANTITIES} - {"time", "mode", "cycle", "specimen", "weight", "temperature"}
+MEASURED = {*QUANTITIES} - {"time", "mode", "cycle", "specimen", "weight", "temperature", "broke"}
 """Quantities that make a table one of a test."""
 
 NEEDED = "a table of text, a workbook or a deck with test data is needed"

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .breaks import WORDS
 from .plausible import AGREE, SOURCES, TRUE, Reading, doubts, from_rest, not_understood, question_of
 from .quantities import KINDS, amount_in, factor, found_in, is_nominal, plain
 from .specimens import BIAXIAL, MODES, Facts
@@ -57,6 +58,23 @@ class Readings:
             if found is None
             else [f"{one:g}" if isinstance(one, float) else str(one) for one in found.values]
         )
+
+    def ended(self, rows: np.ndarray) -> str | None:
+        """Return how the test in some rows ended, a key of `breaks.WORDS`, by what the user, a
+        column or an entry of the file says; None if nothing does.
+        """
+        cells = {self.text("broke")[row] for row in rows} - {"", "nan"}
+        texts = cells or {self.block.facts.get("broke", "")} - {""}
+        found = {text: found_in(WORDS, text) for text in texts}
+        if unknown := [text for text, kind in found.items() if kind is None]:
+            self.assumed.append(f"how the test ended, {unknown[0]!r}, is not understood (--broke)")
+        own = next((kind for kind in WORDS if kind in found.values() and kind != "no"), None)
+        own = own or ("no" if "no" in found.values() else None)
+        stated = self.facts.broke
+        kind = None if stated is None else found_in(WORDS, str(stated))
+        if kind and own and kind != own:
+            raise ValueError(f"{self.where}: --broke {stated}, but the file says {min(texts)}")
+        return kind or own
 
     def modes(self) -> list[str] | None:
         """Return the mode of loading of each row; None, with a remark, if it is missing."""

@@ -21,7 +21,7 @@ from .quantities import (
 )
 from .text import Row, value
 
-TEXT = ("mode", "specimen")
+TEXT = ("mode", "specimen", "broke")
 """Quantities whose cells are text."""
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .breaks import weibull_modulus
 from .table import TableFile
 
 MODES = "uniaxial", "equibiaxial", "pure-shear"
@@ -37,6 +38,9 @@ class Facts:
         Rate of stretch, per second, of tests without times.
     zero : str, optional
         "shift" (default) moves the stretch at zero force to 1 where it is not, "keep" does not.
+    broke : str or bool, optional
+        Whether specimens broke, True or False, or "grips" if they broke there, "slipped" or
+        "limit" (of the machine): by default what files say, or the drop of the load.
     stress_unit : str, optional
         Unit of the stresses of the result; by default MPa, or that of the files where they state
         none.
@@ -55,6 +59,7 @@ class Facts:
     branch: str | int | None = None
     rate: str | float | None = None
     zero: str | None = None
+    broke: str | bool | None = None
     stress_unit: str | None = None
 
     def sizes(self) -> dict[str, str]:
@@ -85,11 +90,17 @@ class AtBreak:
     stretch, nominal_stress : float
     work : float
         Work per undeformed volume up to the break, in the unit of the stress.
+    drops : bool
+        Whether the load drops after it.
+    no_strength : str, optional
+        Why the stress is no strength, as that of a specimen that slipped.
     """
 
     stretch: float
     nominal_stress: float
     work: float
+    drops: bool
+    no_strength: str | None
 
 
 @dataclass(frozen=True)
@@ -199,11 +210,17 @@ class MechanicalTests:
     @property
     def at_break(self) -> dict[str, dict]:
         """Mean and standard deviation of stretch, stress and work at break of the specimens of each
-        mode that broke, with their number.
+        mode that broke, with their number; the Weibull modulus of the stress and its standard error
+        from five on. Stresses that are no strength do not count.
         """
         found = {}
-        for mode in dict.fromkeys(one.mode for one in self.specimens if one.at_break):
-            broken = [one.at_break for one in self.specimens if one.mode == mode and one.at_break]
+        all_broken = [
+            (one.mode, one.at_break)
+            for one in self.specimens
+            if one.at_break and not one.at_break.no_strength
+        ]
+        for mode in dict.fromkeys(mode for mode, _ in all_broken):
+            broken = [one for own, one in all_broken if own == mode]
             values = np.array([(one.stretch, one.nominal_stress, one.work) for one in broken])
             spread = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(3, np.nan)
             found[mode] = {
@@ -218,6 +235,8 @@ class MechanicalTests:
                     )
                 },
             }
+            if modulus := weibull_modulus(values[:, 1]):
+                found[mode]["weibull_modulus"] = modulus
         return found
 
 

@@ -25,6 +25,7 @@ QUANTITIES = (
     "specimen",
     "weight",
     "temperature",
+    "broke",
 )
 """Quantities that a column of a mechanical test can hold."""
 

@@ -1,6 +1,4 @@
-"""Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture
-energy from a tear test.
-"""
+"""Fracture: the bond stretch at which bonds break, from a fracture energy."""
 
 import warnings
 from collections.abc import Callable
@@ -10,7 +8,7 @@ import scipy
 
 from ..body import Body
 from ..materials import Law, homogeneous
-from ..materials.law import check_number, checked_law
+from ..materials.tearing import check_positive, stretch_at
 from ..scenes import Mesh, Scene
 from ..scenes.loading_checks import criteria_give, names_of_materials
 from ..scenes.model import Criterion, Fracture
@@ -91,7 +89,7 @@ def critical_stretch_of(
     ... )
     3.624
     """
-    _check_positive(
+    check_positive(
         {
             "fracture energy": fracture_energy,
             "horizon": horizon,
@@ -179,7 +177,11 @@ class CriticalStretches:
             for (given, key), law in zip(own, laws, strict=True)
         ]
         names = names_of_materials(scene)
-        ends = np.sort(ends_of_pairs(self._body, self._of_points)) if rest.interfaces else np.zeros((0, 2))
+        ends = (
+            np.sort(ends_of_pairs(self._body, self._of_points))
+            if rest.interfaces
+            else np.zeros((0, 2))
+        )
         self.of_interfaces = {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
@@ -278,7 +280,9 @@ def check_walls(scene: Scene, body: Body) -> None:
     and too much of it lies in thin walls.
     """
     if not (
-        scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and criteria_give(scene, "energy")
+        scene.plane == "space"
+        and scene.horizon_ratio < ONE_LAYER
+        and criteria_give(scene, "energy")
     ):
         return
     share = share_in_walls(body, LEAST_LAYERS)
@@ -319,99 +323,3 @@ def share_in_walls(body: Body, layers: int) -> float:
         along = (layers if number == axis else 1 for number in range(body.dimension))
         thick &= scipy.ndimage.binary_opening(inside, np.ones(tuple(along)))
     return float(np.count_nonzero(inside & ~thick) / np.count_nonzero(inside))
-
-
-def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
-    """Return the energy per undeformed area of a trouser tear at a given force on its legs.
-
-    While the tear advances by dc, each leg, in simple tension lambda, lengthens by lambda dc under
-    the force F, and a volume 2 b h dc of unstrained material enters the legs (Rivlin and Thomas
-    1953):
-
-        T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
-
-    with F = b h P(lambda).  w is the energy of both legs per undeformed length and thickness, b and
-    h are width and thickness of a leg, psi is the energy density and P the nominal stress of the
-    law in simple tension.  For legs that hardly stretch T = 2 F / h.
-
-    Parameters
-    ----------
-    law : Law
-    force : float
-        Force on each leg.
-    leg_width, thickness : float
-        Undeformed width b and thickness h of a leg.
-
-    Returns
-    -------
-    float
-        Energy in units of stress times length.
-
-    Raises
-    ------
-    ValueError
-        If one of the numbers is not positive and finite, or the law cannot reach such a stress.
-
-    References
-    ----------
-    Rivlin and Thomas, J. Polym. Sci. 10 (1953) 291-318.
-
-    See Also
-    --------
-    pdsurrogate.critical_stretch_of : critical stretch for a fracture energy.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> print(
-    ...     round(
-    ...         pds.tearing_energy(
-    ...             pds.materials.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0
-    ...         ),
-    ...         4,
-    ...     )
-    ... )
-    1.0106
-    """
-    _check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
-    stress = force / (leg_width * thickness)
-    stretch = stretch_at(
-        law,
-        lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress,
-        stress,
-        "that stress",
-    )
-    return (
-        2 * force * stretch / thickness
-        - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
-    )
-
-
-def _check_positive(values: dict[str, float]) -> None:
-    for name, value in values.items():
-        check_number(value, f"the {name}")
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"the {name} must be positive and finite, not {value}")
-
-
-def stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:
-    """Return the uniaxial stretch at which a quantity of a law, a function of the stretch, has a
-    wanted value.
-
-    Raise ValueError if the law reaches its greatest stretch before this value; `what` describes the
-    wanted value in the message.
-    """
-    checked_law(law)
-    upper = 1.1
-    while quantity(upper) < wanted:
-        lower = upper
-        upper = 1.1 * upper
-        try:
-            quantity(upper)
-        except ValueError:
-            raise ValueError(
-                f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}"
-            ) from None
-    return float(
-        scipy.optimize.brentq(lambda stretch: quantity(stretch) - wanted, 1.0, upper, xtol=1e-12)
-    )

@@ -427,6 +427,15 @@ def _on_body(
                 strengths = Strengths(scene, body, whole, loading, of_points)
     held = (regions, prescriptions, stages, loading)
     return Problem(
-        scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical,
+        scene,
+        models,
+        settings_of(scene),
+        body,
+        whole,
+        *held,
+        portions,
+        rigid,
+        measures,
+        critical,
         strengths,
     )

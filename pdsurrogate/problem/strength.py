@@ -13,11 +13,12 @@ import scipy
 from ..body import Body
 from ..discretization import contained
 from ..materials import Law, homogeneous
+from ..materials.tearing import stretch_at
 from ..scenes import Scene
 from ..scenes.loading_checks import names_of_materials
 from ..scenes.model import Criterion
 from ..solvers.conditions import Loading
-from .fracture import ends_of_pairs, stretch_at
+from .fracture import ends_of_pairs
 
 logger = logging.getLogger(__name__)
 

@@ -54,7 +54,9 @@ class Cracks:
         if strengths is not None:
             hardest = max(law.shear_modulus for law, _ in run.force.laws)
             least = min(zone.radius for zone in strengths.zones)
-            self._pause = PAUSE * least * math.sqrt(run.stages[run.state.stage].inertia.density / hardest)
+            self._pause = (
+                PAUSE * least * math.sqrt(run.stages[run.state.stage].inertia.density / hardest)
+            )
         # Of the present step: stored energy and forces before bonds broke, None while none has, and
         # the energy released since.
         self._before: tuple[float, np.ndarray] | None = None

@@ -108,9 +108,7 @@ class Run(System):
         self.residual: float | None = None
         critical = problem.critical_stretches
         self.damage = (
-            None
-            if critical is None
-            else Damage(self.body, critical.of_pairs(), problem.strengths)
+            None if critical is None else Damage(self.body, critical.of_pairs(), problem.strengths)
         )
         self.states = self.states_of()
         self.keep_tables: Callable[..., None] = lambda *_: None

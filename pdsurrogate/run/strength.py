@@ -93,7 +93,8 @@ class Discs:
         if not share.any(len(hot) > 0):
             return []
         numbers, centers = (
-            np.concatenate(share.everywhere(rows)) for rows in (share.numbers[hot], body.points[hot])
+            np.concatenate(share.everywhere(rows))
+            for rows in (share.numbers[hot], body.points[hot])
         )
         order = np.argsort(numbers)
         numbers = numbers[order]

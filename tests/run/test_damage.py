@@ -10,7 +10,8 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous
-from pdsurrogate.problem.fracture import critical_stretch_of, tearing_energy
+from pdsurrogate.materials.tearing import tearing_energy
+from pdsurrogate.problem.fracture import critical_stretch_of
 from pdsurrogate.run.damage import Damage, greatest_bond_stretch
 from pdsurrogate.scenes import Precut
 from pdsurrogate.scenes.tip_diameter import TIP_DIAMETER
