@@ -37,8 +37,6 @@ from pdsurrogate.learning.bond_force import stiffness_slopes
 
 LAW = pds.materials.Ogden()
 SAMPLES = 2000
-PATIENCE = 20.0
-"""Seconds of waiting for undisturbed timings of a model."""
 
 
 def module() -> torch.nn.Sequential:
@@ -123,7 +121,7 @@ def compared(name: str):
     taken, errors = "unchanged", (None, None)
     if resampling is not None:
         taken, errors = f"spline, {force.size}", (resampling["rms"], resampling["jump"] or None)
-    cost = measure_speed([TimedModel(force, "float32", sheet())], LAW, PATIENCE)[0]
+    cost = measure_speed([TimedModel(force, "float32", sheet())], LAW)[0]
     figures = box["on_surface"]["rms"], least_slope(force.bond_force), stress_error(force)
     yield name, seconds, taken, *errors, *figures, cost["ns_per_directed_bond_1"]
 

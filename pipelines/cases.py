@@ -106,7 +106,7 @@ def report(told: str, *studies: Study) -> None:
         for case in study.cases:
             name = f"{study.name}: {case}"
             wanted = any(all(part in name for part in word.split()) for word in words)
-            if wanted and case not in known:
+            if wanted and not known.get(case):
                 measure(study, case)
         if arguments.docs:
             write_tables(study)

@@ -1,7 +1,7 @@
 """Cost of force evaluations, measured on a machine whose cores may be shared."""
 
+import itertools
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -9,50 +9,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from pdsurrogate.body import Body
-from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows
-from pdsurrogate.engine.compile import widest_vectors
-from pdsurrogate.engine.passes import Pass, share_of
 from pdsurrogate.engine.threads import most_threads, thread_count
 from pdsurrogate.forces import ForceModel, ForceSettings
 from pdsurrogate.materials import Law, homogeneous
-from pdsurrogate.progress import event
-
-ENOUGH = 12
-"""Number of undisturbed timings (see `UNDISTURBED`) required for every model and number of threads.
-Chosen: the median of twelve hardly depends on single timings; more of them take longer to find on a
-busy machine.
-"""
-
-UNDISTURBED = 1.1
-"""Slowdown of a core up to which a timing counts as undisturbed by other processes.
-
-The slowdown is that of reference arithmetic (a fixed loop, `arithmetic`), timed just before and
-after every timing: its longer time there divided by its shortest time in the whole measurement.
-Chosen: another process on the same core makes it 2; a limit nearer to 1 rejects timings for nothing
-but noise.
-"""
-
-TIMINGS = 4
-"""Number of timings of a model in each of its turns; models are timed in turns. Chosen: short turns
-spread the timings of all models over the same quiet and busy moments, but each turn costs
-`WARM_UP`.
-"""
-
-WARM_UP = 8e-3
-"""Seconds for which a model runs untimed at the start of each turn, since the caches still hold
-another model's data. Chosen: time for some evaluations; a longer warm-up leaves less time for
-timings.
-"""
-
-PIECE = 5e-4
-"""Seconds that the reference arithmetic before and after each timing takes on one thread of an
-undisturbed core. Chosen: long against the resolution of the clock, short against the force
-evaluation that is timed.
-"""
-
-
-ROWS = 2
-"""Number of rows in the buffer of `arithmetic`: one of arguments, one of values."""
 
 
 def sheet() -> Body:
@@ -93,163 +52,31 @@ class TimedModel:
     changes: tuple[str, ...] = ()
 
 
-def measure_speed(cases: list[TimedModel], law: Law, patience: float) -> list[dict]:
-    """Measure the nanoseconds per directed bond of the whole evaluation and of the bond pass, on
-    one thread and on all.
+def measure_speed(cases: list[TimedModel], law: Law, turns: int = 40) -> list[dict]:
+    """Nanoseconds per directed bond of an evaluation, on one thread and on all, of bodies of a law:
+    ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``.
 
-    A directed bond is one end of a bond: each bond counts twice. The bond pass is the part of the
-    evaluation that runs over bonds, from known states of the points. All cases are timed in turns
-    of some milliseconds. A core may be shared with other work, which comes and goes; on a core that
-    runs two threads at once, each then takes about 1.5 times as long. Therefore reference
-    arithmetic that needs no memory is timed just before and after every timing, on as many threads.
-    Only timings are used around which the arithmetic ran at full speed, and their medians are
-    returned; the models' own times play no part in the selection.
-
-    Parameters
-    ----------
-    cases : list of TimedModel
-    law : Law
-        Material of the bodies.
-    patience : float
-        Seconds after which the least disturbed timings are used, even if fewer than `ENOUGH` of
-        them are undisturbed.
-
-    Returns
-    -------
-    list of dict
-        For each case ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``,
-        ``ns_bond_pass_1`` and ``ns_bond_pass_all``, ``thread_speedup``, ``arithmetic_speedup``
-        (gain of the arithmetic from threads around these timings), ``disturbance_1`` and
-        ``disturbance_all`` (time of the arithmetic around these timings divided by its shortest),
-        and the medians of all timings, ``ns_per_directed_bond_1_at_any_time`` and
-        ``ns_per_directed_bond_all_at_any_time``.
+    A directed bond is one end of a bond: each bond counts twice. Cores may be shared with other
+    work, which comes and goes: all models are timed in turns, and the least of their turns counts.
     """
-    threads = sorted({1, most_threads()})
-    yardsticks = {count: _arithmetic_on(count) for count in threads}
-    trial = 1000
-    with thread_count(1):
-        rounds = max(1, int(trial * PIECE / min(yardsticks[1](trial) for _ in range(50))))
-    turns = {
-        (number, count): _turns_of(case, law, count, partial(yardsticks[count], rounds))
-        for number, case in enumerate(cases)
-        for count in threads
-    }
-    timings = {key: [] for key in turns}
-    wanted = list(timings)
-    began = time.perf_counter()
+    least = np.full((len(cases), 2), np.inf)
     with threadpool_limits(1):
-        while wanted:
-            settled, spent = (
-                len(timings) - len(wanted),
-                min((time.perf_counter() - began) / max(patience, 1e-9), 1.0),
-            )
-            event("timing", max(settled, spent * len(timings)), len(timings), settled=settled)
-            for key in wanted:
-                timings[key] += turns[key]()
-            best = {
-                count: min(
-                    timing[2] for key in timings if key[1] == count for timing in timings[key]
-                )
-                for count in threads
-            }
-            if time.perf_counter() - began > patience:
-                break
-            wanted = [
-                key
-                for key in timings
-                if sum(timing[2] < UNDISTURBED * best[key[1]] for timing in timings[key]) < ENOUGH
-            ]
-
-    rows = []
-    for number, case in enumerate(cases):
-        row, scale = {}, 1e9 / case.body.bonds.n_directed
-        for label, count in (("1", threads[0]), ("all", threads[-1])):
-            found = np.array(timings[number, count])
-            evaluation, bond_pass, beside = np.median(
-                found[np.argsort(found[:, 2])[:ENOUGH]], axis=0
-            )
-            row[f"ns_per_directed_bond_{label}"] = scale * evaluation
-            row[f"ns_bond_pass_{label}"] = scale * bond_pass
-            row[f"disturbance_{label}"] = beside / best[count]
-            row[f"ns_per_directed_bond_{label}_at_any_time"] = scale * np.median(found[:, 0])
-        row["thread_speedup"] = row["ns_per_directed_bond_1"] / row["ns_per_directed_bond_all"]
-        row["arithmetic_speedup"] = (
-            best[threads[0]] * row["disturbance_1"] / (best[threads[-1]] * row["disturbance_all"])
-        )
-        rows.append({key: float(value) for key, value in row.items()})
-    return rows
+        for column, count in enumerate((1, most_threads())):
+            with thread_count(count):
+                evaluations = [_bound(case, law) for case in cases]
+                for _, (row, evaluate) in itertools.product(range(turns), enumerate(evaluations)):
+                    evaluate()  # the caches hold another model's data
+                    for _ in range(4):
+                        began = time.perf_counter()
+                        evaluate()
+                        seconds = time.perf_counter() - began
+                        least[row, column] = min(least[row, column], seconds)
+    least *= 1e9 / np.array([[case.body.bonds.n_directed] for case in cases])
+    keys = "ns_per_directed_bond_1", "ns_per_directed_bond_all"
+    return [dict(zip(keys, row, strict=True)) for row in least.tolist()]
 
 
-def _turns_of(
-    case: TimedModel, law: Law, count: int, yardstick: Callable[[], float]
-) -> Callable[[], list[tuple[float, float, float]]]:
-    """Return a function that times a force model `TIMINGS` times on `count` threads and returns the
-    list of timings.
-
-    A timing holds the seconds of the whole evaluation, of the bond pass, and of the reference
-    arithmetic just before or just after them, whichever is longer; the function `yardstick` runs
-    this arithmetic and returns its seconds.
-    """
-    positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
-    with thread_count(count):
-        force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
-        whole, bonds = partial(force, positions, out), partial(force.pass_bonds, out)
-        whole()
-        bonds()
-        calls = max(1, round(WARM_UP / _seconds(whole)))
-
-    def turn() -> list[tuple[float, float, float]]:
-        found = []
-        with thread_count(count):
-            for _ in range(calls):
-                whole()
-            before = yardstick()
-            for _ in range(TIMINGS):
-                times = _seconds(whole), _seconds(bonds)
-                after = yardstick()
-                found.append((*times, max(before, after)))
-                before = after
-        return found
-
-    return turn
-
-
-@Pass
-def arithmetic(chunk, rounds, buffers):
-    """Do reference arithmetic: evaluate a polynomial on a block of single-precision numbers
-    `rounds` times, shared among the threads.
-
-    The block of each thread, in `buffers`, stays in the first-level cache, so that memory does not
-    limit the gain from threads.
-    """
-    widest_vectors()
-    rows = block_rows(buffers[chunk.thread])
-    for _ in share_of(rounds, chunk):
-        for k in range(rows.shape[1]):
-            x = rows[0, k]
-            # Two chains depend on each other, so that the compiler cannot remove a part of them.
-            even = x * x
-            odd = even * x
-            for _ in range(8):
-                even = odd * x + even
-                odd = even * x - odd
-            rows[1, k] = np.float32(0.5) * (even + odd)
-
-
-def _arithmetic_on(count: int) -> Callable[[int], float]:
-    """Return a function that takes a number of rounds of `arithmetic` and returns their seconds;
-    `count` threads must be in use.
-    """
-    buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
-
-    def seconds(rounds: int) -> float:
-        arithmetic(1, buffer)
-        return _seconds(arithmetic.bind(rounds, buffer))
-
-    return seconds
-
-
-def _seconds(function: Callable[[], object]) -> float:
-    began = time.perf_counter()
-    function()
-    return time.perf_counter() - began
+def _bound(case: TimedModel, law: Law) -> partial:
+    """An evaluation of a force model."""
+    force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
+    return partial(force, bench_positions(case.body, law), np.empty_like(case.body.points))

@@ -12,21 +12,18 @@ minutes.
 import time
 import warnings
 from functools import partial
-from itertools import product
 
 import numpy as np
 from cases import Figures, Study, report
 from pages import markdown_table
-from tip_diameters import ENERGY, LONG, PRECUT, law_of, layers_of, name_of, repeated, strip
+from tip_diameters import ENERGY, LONG, PRECUT, cases, law_of, layers_of, repeated, strip
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 
-ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
-"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees,
-clouds.
-"""
+ROWS, ROWS_IN_SPACE = 24, 14
+"""Points per height of strips in the plane, and in space."""
 
 FINER = {48: (ENERGY, 0.3, 0.75), 64: (0.75 * ENERGY, 0.26, 0.58)}
 """Finer clouds: points per height, with G over shear modulus and height, and the travels of the
@@ -38,9 +35,6 @@ WIDER = 0.16, 0.75
 """These travels in a repeated tear, of which a bond would break in equilibrium before the usual
 ones, or whose crack has not passed the length along which it is measured when they end.
 """
-
-SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
-SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
 
 STRETCH = 2.4
 """Critical stretch of strips in space."""
@@ -62,22 +56,6 @@ left out.
 """
 
 OUTPUTS = 120
-
-
-def cases() -> list[dict]:
-    """All tears, one cloud of every angle after the other."""
-    flat, solid = {"plane": "stress", "ratio": RATIO, "rows": ROWS}, SOLID
-    kinds = [(flat, (None, *SEEDS), ANGLES)]
-    kinds += [(flat | {"rows": rows}, SEEDS, ANGLES) for rows in FINER]
-    kinds += [(solid, (None, *SOLID_SEEDS), SOLID_ANGLES)]
-    return [
-        {"model": "bond-energy"}
-        | strips
-        | {"angle": angle}
-        | ({} if seed is None else {"arrangement": "relaxed", "seed": seed})
-        for strips, seeds, angles in kinds
-        for seed, angle in product(seeds, angles)
-    ]
 
 
 def advance_of(case: dict) -> int:
@@ -264,11 +242,11 @@ def table_of(plane: str, points: str, rows: int, figures: Figures) -> str:
 TABLES = [
     *(("stress", "relaxed", rows) for rows in (ROWS, *FINER)),
     ("stress", "lattice", ROWS),
-    ("space", "relaxed", SOLID["rows"]),
-    ("space", "lattice", SOLID["rows"]),
+    ("space", "relaxed", ROWS_IN_SPACE),
+    ("space", "lattice", ROWS_IN_SPACE),
 ]
 
 if __name__ == "__main__":
     tables = {"directions-{}-{}-{}".format(*one): partial(table_of, *one) for one in TABLES}
-    named = {name_of(case): partial(tried, case) for case in cases()}
+    named = {name: partial(tried, case) for name, case in cases("crack-directions").items()}
     report(__doc__, Study("crack-directions", named, tables))

@@ -1,34 +1,29 @@
 """Gallery of the built-in scenes: each is run, one after the other, and drawn.
 
-python pipelines/gallery.py                  all scenes as they are: hours, for tear and voids
-python pipelines/gallery.py --points 4000    coarser where a scene has more points: minutes
-python pipelines/gallery.py hole tear        these alone; the others keep their pictures and times
+python pipelines/gallery.py              all scenes, in minutes
+python pipelines/gallery.py hole tear    these alone; --help names other uses
 
-Pictures go to docs/figures/gallery, their commands and times to gallery.json there, and the page to
-docs/gallery.md.
+Pictures go to docs/figures/gallery, and the page to docs/gallery.md.
 """
 
-import argparse
 import io
-import json
 import time
+from functools import partial
 
-from pages import DOCS, FIGURES
+from cases import Figures, Study, report
+from pages import FIGURES
 from PIL import Image
-from rich.console import Console
 
 import pdsurrogate as pds
-from pdsurrogate.discretization import discretize
-from pdsurrogate.results.files import replacing, write_json, write_text
+from pdsurrogate.results.files import replacing
 from pdsurrogate.results.provenance import processor
 from pdsurrogate.scenes import scene_names
 
-console = Console()
-FOLDER = FIGURES / "gallery"
-TABLE = FOLDER / "gallery.json"
-
 COLORS = 96
 """Colors of a picture: its file is then a third as large, and no difference is seen."""
+
+COARSER = {"penny": 0.1, "tear": 0.04}
+"""Spacings at which scenes are drawn that take hours at their own."""
 
 SHOWN = {
     "biaxial-hole": (
@@ -86,100 +81,34 @@ SHOWN = {
 """What is to be seen in each scene, in one line."""
 
 
-def coarser(scene: pds.Scene, points: int | None) -> pds.Scene:
-    """The scene, at the least multiple of its spacing that makes at most so many points and fits
-    its body and regions.
-    """
-    if points is None or len(discretize(scene)[0]) <= points:
-        return scene
-    for factor in range(2, 40):
-        try:
-            found = pds.load_scene(scene.name, spacing=round(factor * scene.spacing, 12))
-            if len(discretize(found)[0]) <= points:
-                return found
-        except pds.SceneError:
-            continue
-    raise ValueError(f"{scene.name} has no spacing with {points} points or fewer")
-
-
-def draw(scene: pds.Scene, changed: bool) -> dict:
-    """Run a scene, write its picture, and return its entry in the table."""
-    began = time.perf_counter()
+def drawn(name: str):
+    """Run a scene and write its picture."""
+    changes = [f"spacing={COARSER[name]:g}"] if name in COARSER else []
+    scene, file, began = pds.load_scene(name, changes), io.BytesIO(), time.perf_counter()
     result = pds.simulate(scene)
-    seconds = time.perf_counter() - began
-    file = io.BytesIO()
+    seconds = time.perf_counter() - began - result.summary["seconds_compile"]
     result.figure().savefig(file, format="png", dpi=120)
-    FOLDER.mkdir(exist_ok=True)
-    with replacing(FOLDER / f"{scene.name}.png") as temporary:
-        Image.open(file).convert("RGB").quantize(COLORS).save(
-            temporary, format="PNG", optimize=True
+    with replacing(FIGURES / "gallery" / f"{name}.png") as temporary:
+        picture = Image.open(file).convert("RGB").quantize(COLORS)
+        picture.save(temporary, format="PNG", optimize=True)
+    words = "".join(f" --set {change}" for change in changes)
+    command = f"pdsurrogate run {name}{words} --out out/{name}"
+    force, points = result.summary["force"], result.summary["n_points"]
+    yield scene.title, command, force, points, round(seconds, 1), processor()
+
+
+def page(figures: Figures) -> str:
+    """Picture, command and time of every scene."""
+    parts = []
+    for name, ((title, command, force, points, seconds, machine),) in sorted(figures.items()):
+        parts.append(
+            f"## {name}\n\n{title}. {SHOWN[name]}\n\n![{title}](figures/gallery/{name}.png)\n\n"
+            f"`{command}`: {points:,} points, force model `{force}`, computed in {seconds:g} s on"
+            f" {machine}, without compilation."
         )
-    command = (
-        f"pdsurrogate run {scene.name}{f' --set spacing={scene.spacing:g}' if changed else ''}"
-        f" --out out/{scene.name}"
-    )
-    return {
-        "title": scene.title,
-        "command": command,
-        "force": result.summary["force"],
-        "points": result.summary["n_points"],
-        "seconds": round(seconds - result.summary["seconds_compile"], 1),
-        "processor": processor(),
-    }
-
-
-def page(entries: dict[str, dict]) -> str:
-    """The page of the gallery."""
-    machine = ", ".join(sorted({entry["processor"] for entry in entries.values()}))
-    lines = [
-        "# Gallery",
-        "",
-        (
-            "Every built-in scene, drawn as `pdsurrogate run` draws it: the command below each"
-            " picture makes it. Scenes that take long are"
-        ),
-        (
-            f"shown at a coarser spacing than their own. Times are those of the run on {machine},"
-            " without compilation."
-        ),
-        "`python pipelines/gallery.py` makes all of it.",
-    ]
-    for name, entry in entries.items():
-        size = (
-            f"{entry['points']:,} points, force model `{entry['force']}`, computed in"
-            f" {entry['seconds']:g} s"
-        )
-        picture = f"![{entry['title']}](figures/gallery/{name}.png)"
-        lines += [
-            "",
-            f"## {name}",
-            "",
-            f"{entry['title']}. {SHOWN[name]}",
-            "",
-            picture,
-            "",
-            f"`{entry['command']}`: {size}.",
-        ]
-    return "\n".join(lines) + "\n"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", nargs="*", help="scenes to run; all by default")
-    parser.add_argument(
-        "--points", type=int, help="most points of a scene; finer ones are made coarser"
-    )
-    arguments = parser.parse_args()
-    entries = json.loads(TABLE.read_text("utf-8")) if TABLE.exists() else {}
-    for name in arguments.scenes or scene_names():
-        scene = pds.load_scene(name)
-        chosen = coarser(scene, arguments.points)
-        with console.status(f"{name}, spacing {chosen.spacing:g}"):
-            entries[name] = draw(chosen, chosen is not scene)
-        console.print(f"{name}: {entries[name]['points']:,} points, {entries[name]['seconds']:g} s")
-        write_json(TABLE, dict(sorted(entries.items())))
-    write_text(DOCS / "gallery.md", page(dict(sorted(entries.items()))))
+    return "\n\n".join(parts)
 
 
 if __name__ == "__main__":
-    main()
+    cases = {name: partial(drawn, name) for name in scene_names()}
+    report(__doc__, Study("gallery", cases, {"gallery": page}))

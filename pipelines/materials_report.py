@@ -112,7 +112,7 @@ def timed(name: str):
         if max(errors := errors_of(model, law)) <= TOLERANCE
     )
     costs = measure_speed(
-        [TimedModel(exact, "float64", body), TimedModel(model, "float32", body)], law, 40.0
+        [TimedModel(exact, "float64", body), TimedModel(model, "float32", body)], law
     )
     dear, cheap = (one["ns_per_directed_bond_1"] for one in costs)
     reach = pds.learning.reachable_stretches(law)

@@ -90,6 +90,7 @@ TABLES = {
         "training.identification": card.IdentificationEntries,
         "training.identification.covariance": card.CovarianceEntries,
         "training.identification.at_break": card.BreakEntries,
+        "training.identification.tearing": card.TearingEntries,
         "domain": card.DomainSpec,
         "errors": card.ReportsEntries,
         "errors.report": card.ReportEntries,

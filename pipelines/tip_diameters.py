@@ -16,7 +16,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -46,11 +45,6 @@ peak of squares with 10 rows, and the parts of them between which finer squares 
 dynamics.
 """
 
-TURNED_NOTCH, TURNED_ROWS = 1.2, {3.15: 10, 2.2: 10, 5.0: 16}
-"""Notch and rows per unit length, by horizon, of the squares by which turned lattices are judged in
-plane strain, where the grips of strips slide, and a turned lattice cannot be held by such grips.
-"""
-
 FAMILIES = {"neo-hookean": "bond force", "bond-energy": "bond energy"}
 """Families of the force models that are measured; learned energies are compared with the exact
 one.
@@ -61,18 +55,9 @@ GUESS = {"neo-hookean": 1.15, 1.75: 1.35}
 that G is near ENERGY; elsewhere 0.9.
 """
 
-ROWS, ROWS_IN_SPACE, LAYERS = (20, 16, 24), (14, 10, 18), 3
-"""Rows of points per unit of height, of which clouds and turned lattices have the first number, and
-points through the thickness of strips in space. The numbers of rows are even, so that the precut
-lies between two; with 25, where it lies on one, d was 0.78 at a horizon of 3.15.
-"""
-
-THICKER, OTHER_LAYERS = {1.75: 5}, ((2.2, 10, 3), (2.2, 14, 3), (2.2, 14, 4), (2.8, 10, 4))
-"""Points through the thickness of strips at horizons where LAYERS are too few; critical stretches,
-rows and layers of others there.
-
-At 1.75 spacings bonds reach one layer. Of three layers, two points of the middle one can leave both
-flanks of a crack and hold it.
+LAYERS, THICKER = 3, {1.75: 5}
+"""Points through the thickness of strips in space, and of those at a horizon where bonds reach one
+layer: of three layers, two points of the middle one can leave both flanks of a crack and hold it.
 """
 
 BULK = 20.0
@@ -87,77 +72,12 @@ peak then misses the prescribed one by no more. Cases with a greater one have no
 `fracture.energy` is refused.
 """
 
-ANGLES = (7, 15, 22, 30, 45)
-
-SEEDS, OTHER_SEEDS = (*range(1, 6), *range(16, 21)), (*range(6, 16), *range(21, 31))
-"""Clouds of the tears that judge the table, and of those of which it is made."""
-
-CLOUDS = {
-    ("bond-energy", "stress", 2.2): 20,
-    ("bond-energy", "stress", 3.15): 10,
-    ("bond-energy", "strain", 5.0): 10,
-}
-CLOUDS |= {("bond-energy", "strain", 4.2): 0, ("bond-energy", "space", 1.75): 10}
-CLOUDS |= {("neo-hookean", "stress", ratio): 10 for ratio in (2.2, 3.15, 4.2, 5.0)}
-"""Number of clouds for each critical stretch, and at most ten that judge; in other cases five.
-
-Plane stress at 2.2 spacings and solids at 1.75 have more since fewer scatter too much to be judged:
-their judging clouds first deviated by 8 ± 5 % and 10 ± 6 %. In plane strain at 5 spacings d is near
-0.7 or near 0.87, by which of two maxima of the load is greater.
-"""
-
-BETWEEN = (
-    ("bond-energy", "stress", 4.2),
-    ("bond-energy", "strain", 3.6),
-    ("bond-energy", "space", 2.6),
-    ("neo-hookean", "stress", 3.6),
-)
-"""Force models, planes and horizons in spacings between those of the table, by which its
-interpolation is judged.
-
-With bond forces, and with bond-energy in plane strain, an interpolation between 3.15 and 5 spacings
-missed the G of strips at 4.2 by 8 to 12 %, so that the table has this horizon as well.
-"""
-
-STRETCHES, LARGEST, LARGEST_IN_SPACE = (
-    (1.6, 2.2, 2.8, 4.0),
-    {"bond-energy": 13.0, "neo-hookean": 14.0},
-    6.7,
-)
-"""Critical stretches at which diameters are measured, as long as the stretch times the horizon
-in spacings is not larger than these.
-"""
-
-HIGHER, SOLIDS_HIGHER = (16, 20, 24, 28, 32), (10, 14, 18)
-"""Rows of points per unit of height of the strips with these critical stretches, in the plane
-and in solids.
-"""
-
-WIDE_TIPS = {"rows": (20, 24, 28), "energy": 0.19}
-"""Rows of the strips that judge plane strain at a horizon of 5 spacings, and their G in place of
-ENERGY. Strips of 16, 20 and 24 rows with G = ENERGY are lower than LEAST_HEIGHT, and tore at 0.84,
-0.84 and 0.93 of the prescribed G.
-"""
-
-LEAST_ROWS = {("space", 1.75): 14} | {("stress", ratio): 20 for ratio in (2.2, 3.15, 4.2, 5.0)}
-"""Least rows of points per unit of height of clouds with these critical stretches. At 1.75 spacings
-they are those of the judging clouds; with 10 rows d was up to 4 % smaller.
-"""
-
 LEAST_HEIGHT = 2.0
-"""Least height of these strips, in blunted tips, which are about as wide as a horizon that is
-stretched by the critical stretch.
+"""Least height of strips of which the table is made, in blunted tips, which are about as wide as a
+horizon that is stretched by the critical stretch.
 
 Chosen after some tears: at a horizon of 3.15 spacings, strips of 1.8 to 1.9 such widths gave 9 to
 11 % less than those of 2.2 and more.
-"""
-
-LIMIT, STIFFENED = 20.0, ({"critical": 2.2, "rows": 16}, {"critical": 2.8, "rows": 20})
-"""Limit of the chains of Gent's law, and the strips of such a material."""
-
-LOW = ((2.8, 16), (3.4, 20), (3.4, 24), (3.4, 28), (4.0, 24))
-"""Critical stretches and rows of strips of bond-energy at a horizon of 3.15 spacings, of which
-three are lower than LEAST_HEIGHT.
 """
 
 PULLED = 0.4, 1.5, 0.04
@@ -194,98 +114,9 @@ rows at its end do not matter.
 """
 
 
-def judging() -> list[dict]:
-    """Cases that judge the table: along a row at three spacings, also between its horizons;
-    clouds; turned lattices.
-    """
-    horizons = {"stress": (3.15, 2.2, 5.0), "strain": (3.15, 2.2, 5.0), "space": (2.2, 1.75, 3.0)}
-    measured = [("bond-energy", plane, ratio) for plane in horizons for ratio in horizons[plane]]
-    measured += [
-        ("bond-energy", "strain", 4.2),
-        *(("neo-hookean", "stress", ratio) for ratio in (3.15, 2.2, 4.2, 5.0)),
-    ]
-    base, other = (
-        [dict(zip(("model", "plane", "ratio"), case, strict=True)) for case in named]
-        for named in (measured, BETWEEN)
-    )
-    rows = [entry | {"angle": 0} for case in base + other for entry in at_spacings(case)]
-    clouds = [
-        at_spacings(case)[0] | {"arrangement": "relaxed", "seed": seed}
-        for case in base
-        for seed in chosen(case, SEEDS)
-    ]
-    turned = [
-        at_spacings(case)[0] | {"angle": angle}
-        for angle, case in product(ANGLES, base)
-        if case["plane"] != "strain"
-    ]
-    notched = {"model": "bond-energy", "plane": "strain", "high": 4.0, "precut": TURNED_NOTCH}
-    angles = product(TURNED_ROWS, (0, *ANGLES))
-    return (
-        rows
-        + clouds
-        + turned
-        + [
-            notched | {"ratio": ratio, "rows": TURNED_ROWS[ratio], "angle": angle}
-            for ratio, angle in angles
-        ]
-    )
-
-
-def at_spacings(case: dict) -> list[dict]:
-    """Strips that judge a case, one for each spacing, in the order in which they are torn."""
-    if (case["plane"], case["ratio"]) == ("strain", 5.0):
-        return [case | WIDE_TIPS | {"rows": rows} for rows in WIDE_TIPS["rows"]]
-    return [case | {"rows": rows} for rows in (ROWS_IN_SPACE if case["plane"] == "space" else ROWS)]
-
-
-def chosen(case: dict, seeds: tuple[int, ...]) -> tuple[int, ...]:
-    """Seeds of the clouds that are torn in a case."""
-    return seeds[: CLOUDS.get((case["model"], case["plane"], case["ratio"]), 5)]
-
-
 def high_enough(case: dict) -> bool:
     """Whether a strip is high enough for its critical stretch."""
     return case["rows"] >= LEAST_HEIGHT * case["critical"] * case["ratio"]
-
-
-def stretched() -> list[dict]:
-    """Cases of which the table is made: at given critical stretches, along a row at three
-    spacings in plane stress, else two; clouds.
-    """
-    flat = [
-        {"model": "bond-energy", "plane": plane, "ratio": ratio}
-        for plane, ratio in product(("stress", "strain"), (2.2, 3.15, 5.0))
-    ]
-    flat += [{"model": "bond-energy", "plane": "strain", "ratio": 4.2}]
-    flat += [
-        {"model": "neo-hookean", "plane": "stress", "ratio": ratio}
-        for ratio in (2.2, 3.15, 4.2, 5.0)
-    ]
-    solid = [
-        {"model": "bond-energy", "plane": "space", "ratio": ratio} for ratio in (2.2, 1.75, 3.0)
-    ]
-    low = {"model": "bond-energy", "plane": "stress", "ratio": 3.15, "angle": 0}
-    found = [low | {"critical": critical, "rows": rows} for critical, rows in LOW]
-    for base, critical in product(flat + solid, STRETCHES):
-        straight = base | {"critical": critical, "angle": 0}
-        heights, largest = (
-            (SOLIDS_HIGHER, LARGEST_IN_SPACE) if base in solid else (HIGHER, LARGEST[base["model"]])
-        )
-        along = [
-            straight | {"rows": rows} for rows in heights if high_enough(straight | {"rows": rows})
-        ]
-        if critical * base["ratio"] <= largest:
-            rows = next(
-                case["rows"]
-                for case in along
-                if case["rows"] >= LEAST_ROWS.get((base["plane"], base["ratio"]), 0)
-            )
-            cloud = base | {"critical": critical, "rows": rows, "arrangement": "relaxed"}
-            found += along[: 3 if base["plane"] == "stress" else 2] + [
-                cloud | {"seed": seed} for seed in chosen(base, OTHER_SEEDS)
-            ]
-    return found
 
 
 def guess(case: dict) -> float:
@@ -328,43 +159,16 @@ def expected_travel(case: dict) -> float:
     )
 
 
-def cases() -> list[dict]:
-    """All tears."""
-    learned = {
-        ("stress", 3.15, 20): "neo-hookean-energy",
-        ("strain", 3.15, 20): "neo-hookean-isochoric",
-        ("space", 2.2, 14): "neo-hookean-isochoric",
+def cases(study: str) -> dict[str, dict]:
+    """All tears of a study by their names, such as "model=bond-energy plane=stress ratio=2.2
+    rows=16", which stand in its JSON; figures of those without a peak, or not torn yet, are empty.
+    """
+    texts = {"model", "plane", "arrangement"}
+    words = {name: [word.split("=") for word in name.split()] for name in stored(study)}
+    return {
+        name: {key: value if key in texts else json.loads(value) for key, value in of}
+        for name, of in words.items()
     }
-    stiffer = [
-        {"plane": plane, "ratio": ratio, "rows": rows, "angle": 0, "bulk": 100.0}
-        for plane, ratio, rows in learned
-    ]
-    others = [
-        case | {"model": model}
-        for case, own in zip(stiffer, learned.values(), strict=True)
-        for model in ("bond-energy", own)
-    ]
-    others += [
-        {"model": "bond-energy", "plane": "stress", "ratio": 2.2, "angle": 0, "limit": LIMIT} | own
-        for own in STIFFENED
-    ]
-    layered = {"model": "bond-energy", "plane": "space", "ratio": 1.75, "angle": 0}
-    others += [
-        layered | {"critical": critical, "rows": rows, "layers": layers}
-        for critical, rows, layers in OTHER_LAYERS
-    ]
-    notch = {"plane": "stress", "ratio": 3.15, "rows": 10, "high": 4.0, "angle": 0}
-    others += [
-        notch | {"model": model, "precut": cut}
-        for model, cut in product(("bond-energy", "neo-hookean"), BEGIN)
-    ]
-    others += [notch | {"model": "bond-energy", "rows": FINER, "precut": cut} for cut in BEGIN]
-    return stretched() + judging() + others
-
-
-def name_of(case: dict) -> str:
-    """Words for a case, by which it is chosen and stored."""
-    return " ".join(f"{key}={value}" for key, value in sorted(case.items()))
 
 
 def strip(
@@ -724,9 +528,8 @@ def judged() -> dict[tuple, dict[str, list[float]]]:
     own = [
         case for case in tears_of("tip-diameters") if "critical" not in case and "bulk" not in case
     ]
-    between = [
-        told(case) for case in own if (case["model"], case["plane"], case["ratio"]) in BETWEEN
-    ]
+    stretched = {told(case) for case in tears_of("tip-diameters") if "critical" in case}
+    between = [told(case) for case in own if told(case) not in stretched]
     found: dict[tuple, dict[str, list[float]]] = {}
     for case in sorted({*map(case_of, table()), *between}):
         family, plane, arrangement, ratio = case
@@ -801,5 +604,5 @@ def averaged(entries: list[dict], ratios: list[float]) -> str:
 
 if __name__ == "__main__":
     tables = {"tip-diameters": diameters, "other-tips": others, "peaks": peaks}
-    named = {name_of(case): partial(repeated, torn, case) for case in cases()}
+    named = {name: partial(repeated, torn, case) for name, case in cases("tip-diameters").items()}
     report(__doc__, Study("tip-diameters", named, tables))

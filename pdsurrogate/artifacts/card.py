@@ -241,6 +241,22 @@ class BreakEntries(StrictModel):
     weibull_modulus: tuple[Positive, Positive] | None = None
 
 
+class TearingEntries(StrictModel):
+    """Tearing energy of specimens, in one kind of tear test.
+
+    Parameters
+    ----------
+    specimens : int
+        Number of specimens that tore.
+    energy : pair of float
+        Mean and standard deviation (null for one specimen) of the energy per undeformed area, by
+        the identified law. Unit: stress mm.
+    """
+
+    specimens: Annotated[int, Field(strict=True, gt=0)]
+    energy: tuple[Positive, Share | None]
+
+
 class IdentificationEntries(StrictModel):
     """Identification of the law from test data.
 
@@ -256,6 +272,8 @@ class IdentificationEntries(StrictModel):
         Unit of the stresses and moduli, if the test data state it.
     at_break : dict of BreakEntries, optional
         Stretch, stress and work at break by mode of loading, if specimens broke.
+    tearing : dict of TearingEntries, optional
+        Tearing energy by mode ("trouser", "pure-shear-tear"), if there were tear tests.
     **extra_data
         Results of the identification, as `pdsurrogate.identification.report` gives them; they
         inform people.
@@ -268,6 +286,7 @@ class IdentificationEntries(StrictModel):
     covariance: CovarianceEntries | None = None
     stress_unit: str | None = None
     at_break: dict[str, BreakEntries] | None = None
+    tearing: dict[str, TearingEntries] | None = None
 
 
 class TrainingEntries(StrictModel):

@@ -7,6 +7,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -112,6 +113,8 @@ def data(
     if table:
         if read.missing:
             raise ValueError("; ".join(read.missing))
+        if read.tears:
+            raise ValueError(f"--out {table}: tear tests are no rows of test data: leave them out")
         with writing(table):
             write_text(table, MARK + _heading(found, read) + table_of(test_data_of(read)))
         note(f"Wrote {table}")
@@ -234,10 +237,11 @@ def _seen_tests(read: MechanicalTests) -> Seen:
         for row in read.ranges
     ]
     broken = break_rows(read.at_break)
+    torn = [asdict(one) for one in read.tears]
     return Seen(
         read.tables[0].path.stem,
         {"file": read.name, "kind": "tests", "files": forms, "columns": columns}
-        | {"unit": read.unit, "specimens": tests, "at_break": broken}
+        | {"unit": read.unit, "specimens": tests, "at_break": broken, "tears": torn}
         | {"remarks": list(read.assumed), "missing": list(read.missing)},
         titles
         | {"Columns": columns}
@@ -246,6 +250,7 @@ def _seen_tests(read: MechanicalTests) -> Seen:
                 {key: row[key] for key in SHOWN} for row in tests
             ],
             with_unit(AT_BREAK, read.unit): broken,
+            with_unit("Tears: nominal stress", read.unit): torn,
         },
         read.assumed,
         read.missing,

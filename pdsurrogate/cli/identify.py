@@ -1,5 +1,6 @@
 """Command ``identify``, which finds parameters of laws from test data."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -190,6 +191,14 @@ def print_identified(report: dict) -> None:
     if report.get("rates"):
         least, greatest = report["rates"]
         out.print(f"Rates of stretch from {least:.3g} to {greatest:.3g} per second")
+    unit = f"{report['stress_unit']} mm" if "stress_unit" in report else None
+    print_rows(
+        with_unit(f"{title}: tearing energy", unit),
+        [
+            {"mode": mode, "torn": row["specimens"], "energy": with_deviation(row["energy"])}
+            for mode, row in report.get("tearing", {}).items()
+        ],
+    )
     print_rows(f"{title}: modes that were not measured", report.get("unmeasured", []))
     print_rows(f"{title}: curves", report.get("curves", []))
     print_rows(f"{title}: stresses left out of the fit", report.get("cross_validation", []))
@@ -208,17 +217,20 @@ def break_rows(at_break: dict[str, dict]) -> list[dict]:
             "mode": mode,
             "broken": row["specimens"],
             **{
-                name: f"{row[name][0]:.4g}"
-                + (f" ± {row[name][1]:.2g}" if row["specimens"] > 1 else "")
-                for name in ("stretch", "nominal_stress", "work")
-            },
-            **{
-                name: f"{row[name][0]:.3g} ± {row[name][1]:.2g}"
-                for name in {"weibull_modulus"} & row.keys()
+                name: with_deviation(row[name])
+                for name in ("stretch", "nominal_stress", "work", "weibull_modulus")
+                if name in row
             },
         }
         for mode, row in at_break.items()
     ]
+
+
+def with_deviation(pair: Sequence[float | None]) -> str:
+    """Return a mean and its standard deviation, if there is one, in words."""
+    mean, deviation = pair
+    known = deviation is not None and deviation == deviation  # of one specimen it is NaN
+    return f"{mean:.4g} ± {deviation:.2g}" if known else f"{mean:.4g}"
 
 
 def print_parameters(title: str, report: dict) -> None:

@@ -13,7 +13,7 @@ from typer import Option
 from ..arguments import check_path, suggestion
 from ..measurements import read_tests
 from ..measurements.mechanical import join_tests
-from ..measurements.specimens import MODES, MechanicalTests
+from ..measurements.specimens import ALL_MODES, MechanicalTests
 from ..scenes.problems import SceneError
 from ..scenes.reading import read_description
 from ..scenes.strict_model import StrictModel
@@ -111,13 +111,14 @@ class TestFacts(TableFacts):
     Parameters
     ----------
     mode : str, optional
-        Mode of loading: uniaxial, equibiaxial or pure-shear.
+        Mode of loading: uniaxial, equibiaxial or pure-shear, or that of a tear test, trouser or
+        pure-shear-tear.
     gauge_length : str, optional
         Undeformed length whose extension was measured, such as "25 mm".
     area : str, optional
         Undeformed cross-section, such as "12 mm2"; or `width` and thickness, or `diameter`.
     width : str, optional
-        Undeformed width, such as "6 mm".
+        Undeformed width, such as "6 mm"; of trousers that of a leg.
     diameter : str, optional
         Undeformed diameter, such as "5 mm".
     strain : str, optional
@@ -140,7 +141,7 @@ class TestFacts(TableFacts):
     __test__ = False  # no test case, whatever pytest thinks of the name
 
     mode: Annotated[
-        str | None, Option(metavar="MODE", help=f"Mode of loading: {', '.join(MODES)}.")
+        str | None, Option(metavar="MODE", help=f"Mode of loading: {', '.join(ALL_MODES)}.")
     ] = None
     gauge_length: Annotated[
         str | None, Option(metavar="LENGTH", help="Undeformed gauge length, as 25mm.")
@@ -231,10 +232,10 @@ def sources(references: Iterable[str | Path], stated: Mapping[str, Any]) -> list
         name, _, mode = str(reference).rpartition(":")
         own = dict(stated)
         colon = name and not Path(reference).exists()
-        if colon and mode in MODES:
+        if colon and mode in ALL_MODES:
             own["mode"] = mode
         elif colon and Path(name).exists():
-            raise ValueError(f"{reference}: unknown mode {mode!r}; {suggestion(mode, MODES)}")
+            raise ValueError(f"{reference}: unknown mode {mode!r}; {suggestion(mode, ALL_MODES)}")
         else:
             name = str(reference)
         if not name.lower().endswith(".toml"):

@@ -294,7 +294,8 @@ def test_data_of(tests: MechanicalTests) -> TestData:
                 second = MODES[specimen.mode](first)
                 found.append((specimen.mode, first, second, along, weight, time, number, row))
     if not found:
-        raise ValueError(f"{tests.name}: there are no rows")
+        more = " of tension: a tearing energy needs a law" if tests.tears else ""
+        raise ValueError(f"{tests.name}: there are no rows{more}")
     found.sort(key=lambda one: one[-1])
     mode, first, second, stress, weight, time, curve, row = (
         np.array(one) for one in zip(*found, strict=True)

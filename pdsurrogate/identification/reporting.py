@@ -24,6 +24,7 @@ from .stress_regressor import (
     sheet_of,
     states,
 )
+from .tearing import tearing_energies
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test
@@ -275,6 +276,9 @@ def examined(model: StressRegressor, data: TestData) -> dict:
         found |= {"form": form, "unmeasured": unmeasured(model, data)}
     found |= judged(model, data, form)
     remarks = found["remarks"]
+    energies, untorn = tearing_energies(model.law_, data.tests)
+    found |= {"tearing": energies} if energies else {}
+    remarks += [f"{form}: {text}" for text in untorn]
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
         growth = (
             f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than"

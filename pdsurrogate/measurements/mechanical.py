@@ -12,8 +12,18 @@ from .breaks import NO_STRENGTH, WORDS, last_state, slip
 from .quantities import UNITS, found_in
 from .reading import read_tables
 from .readings import Readings
-from .specimens import BIAXIAL, MODES, AtBreak, Facts, MechanicalTests, Specimen
+from .specimens import (
+    ALL_MODES,
+    BIAXIAL,
+    SHEAR_TEAR,
+    AtBreak,
+    Facts,
+    MechanicalTests,
+    Specimen,
+    Tear,
+)
 from .table import Block, TableFile
+from .tears import cut_strip, torn_legs
 
 OWN = "table of this project"
 """Form of tables whose documented unit is that of their stresses."""
@@ -84,7 +94,7 @@ def read_tests(*files: str | Path, **stated: Any) -> MechanicalTests:
 
 def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
     """Return the tests of several files as one; raise ValueError if only some state a unit."""
-    units = {part.unit for part in parts if part.specimens}
+    units = {part.unit for part in parts if part.specimens or part.tears}
     if len(units) > 1:
         words = ", ".join(f"{part.name}: {part.unit or 'none'}" for part in parts)
         raise ValueError(
@@ -114,6 +124,7 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         missing=tuple(text for part in parts for text in part.missing),
         ranges=tuple(row for part in parts for row in part.ranges),
         tables=tuple(file for part in parts for file in part.tables),
+        tears=tuple(one for part in parts for one in part.tears),
     )
 
 
@@ -156,7 +167,7 @@ def _twins(specimens: list[Specimen]) -> list[str]:
 def _check(facts: Facts) -> None:
     """Raise ValueError for facts that no test has."""
     for value, known, what in (
-        (facts.mode, MODES, "mode"),
+        (facts.mode, ALL_MODES, "mode"),
         (facts.strain, ("engineering", "true"), "strain"),
         (facts.stress, ("engineering", "true"), "stress"),
         (facts.zero, ("shift", "keep"), "zero"),
@@ -193,19 +204,26 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
     """Return the tests of one file, with the names of the `facts` that were needed in `used`."""
     name = file.path.name
     specimens: list[Specimen] = []
+    tears: list[Tear] = []
     assumed, missing = [(name, note) for note in file.notes], []
     ranges: list[dict] = []
     units, rows = set(), 0
     for block in file.blocks:
         where = f"{name}, {block.title}" if block.title and len(file.blocks) > 1 else name
         readings = Readings(block, facts, where)
-        found = _specimens(readings, rows)
+        modes = readings.modes()
+        torn = torn_legs(readings, modes)
+        found = [] if torn is not None else _specimens(readings, modes, rows)
+        torn = torn or [
+            tear for one in found if one.mode == SHEAR_TEAR for tear in cut_strip(readings, one)
+        ]
         ranges += _ranges(block, where)
         used |= readings.used
         assumed += [(where, text) for text in readings.assumed]
         missing += [(where, text) for text in readings.missing]
-        if found and not readings.missing:
-            specimens += found
+        if (found or torn) and not readings.missing:
+            specimens += [one for one in found if one.mode != SHEAR_TEAR]
+            tears += torn
             units.add(readings.unit)
         rows += len(block.lines)
     if len(units) > 1:
@@ -221,6 +239,7 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         _sentences(missing, name),
         tuple(ranges),
         (file,),
+        tuple(tears),
     )
 
 
@@ -234,9 +253,9 @@ def _sentences(texts: list[tuple[str, str]], name: str) -> tuple[str, ...]:
     )
 
 
-def _specimens(readings: Readings, before: int) -> list[Specimen]:
+def _specimens(readings: Readings, modes: list[str] | None, before: int) -> list[Specimen]:
     """Return the specimens of a table after `before` rows of other tables."""
-    modes, found_values = readings.modes(), readings.stretch_and_stress()
+    found_values = readings.stretch_and_stress()
     if found_values is None or modes is None:
         return []
     stretch, stress = found_values
@@ -306,7 +325,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
         first = (cycle == cycle[0]) & (branch == "loading")
         branch[np.flatnonzero(first)[creep(stretch[first], stress[first], time[first])]] = "hold"
         first &= branch == "loading"
-        zero = stretch_at_zero(stretch[first], stress[first], mode)
+        zero = stretch_at_zero(stretch[first], stress[first], mode.removesuffix("-tear"))
         if zero != 1.0:
             stretch = _shifted(readings, stretch, zero)
         else:

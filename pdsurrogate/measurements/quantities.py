@@ -108,6 +108,8 @@ LENGTHS = (*GEOMETRY, "length")
 """Facts that are numbers with units."""
 
 MODES = {
+    "trouser": r"trouser|hosen|pantal[oó]n|裤形|ズボン",
+    "pure-shear-tear": r"pure.?shear.?(tear|crack)",
     "pure-shear": r"pure.?shear|planar|reine.? (scher|schub)|cisaillement pur|(cizall|cort)\w* pur"
     r"|纯剪|平面拉伸|純せん断",
     "equibiaxial": r"bi-?ax|zweiachs|双轴|二軸|equi-?bi",

@@ -8,7 +8,7 @@ import numpy as np
 from .breaks import WORDS
 from .plausible import AGREE, SOURCES, TRUE, Reading, doubts, from_rest, not_understood, question_of
 from .quantities import KINDS, amount_in, factor, found_in, is_nominal, plain
-from .specimens import BIAXIAL, MODES, Facts
+from .specimens import ALL_MODES, BIAXIAL, TEARS, Facts
 from .table import FAMILIES, Block, Column
 
 NEEDED = {
@@ -50,6 +50,11 @@ class Readings:
         found = self._column(quantity)
         return np.full(len(self.block.lines), np.nan) if not found else found.in_unit_of(quantity)
 
+    def has_unit(self, quantity: str) -> bool:
+        """Return whether there is a column of a quantity alone, with a unit."""
+        found = self._column(quantity)
+        return found is not None and found.unit is not None
+
     def text(self, quantity: str) -> list[str]:
         """Return the text of a column for each row, empty without such a column."""
         found = self._column(quantity)
@@ -80,26 +85,27 @@ class Readings:
         """Return the mode of loading of each row; None, with a remark, if it is missing."""
         stated, found = self.facts.mode, [one.lower() for one in self.text("mode")]
         own = {*found} - {""}
-        if wrong := ({*found} if own else own) - {*MODES}:
+        if wrong := ({*found} if own else own) - {*ALL_MODES}:
             line = next(
                 line for line, mode in zip(self.block.lines, found, strict=True) if mode in wrong
             )
             raise ValueError(
                 f"{self.where}, line {line}: unknown mode {min(wrong)!r}; there are"
-                f" {', '.join(MODES)}"
+                f" {', '.join(ALL_MODES)}"
             )
         quantities = {one for column in self.block.columns for one in column.quantities}
         if {"lateral-stress", "lateral-stretch"} <= quantities:
             own = {BIAXIAL}
-        own = own or {self.block.mode} - {None}
+        if stated not in TEARS:  # machines call each test one of tension
+            own = own or {self.block.mode} - {None}
         if stated is not None and own and own != {stated}:
             raise ValueError(
                 f"{self.where}: the file says {', '.join(sorted(own))}, not --mode {stated}"
             )
         if not own and stated is None:
-            self.missing.append(f"the mode of loading is not stated: --mode {'|'.join(MODES)}")
+            self.missing.append(f"the mode of loading is not stated: --mode {'|'.join(ALL_MODES)}")
             return None
-        if own - {*MODES, BIAXIAL}:
+        if own - {*ALL_MODES, BIAXIAL}:
             self.assumed.append(f"a {', '.join(own)} test, which is not used")
             return None
         return found if any(found) else [next(iter(own or {stated}))] * len(found)
@@ -155,7 +161,7 @@ class Readings:
         # A number that the file has with few digits moves in steps of the last one.
         span = np.nanmax(np.abs(strain.column.values)) / np.nanmax(np.abs(strain.values - 1) + 1e-9)
         self.resolution = _last_digit(strain.column.values) / max(float(span), 1e-9)
-        return strain.values, self._in_wanted_unit(stress.values)
+        return strain.values, self.in_wanted_unit(stress.values)
 
     def across(self, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return stretches across the load, also by volume ratios, and nominal stresses across it;
@@ -166,9 +172,9 @@ class Readings:
         by_volume = np.sqrt(self.numbers("volume-ratio") / stretch)
         lateral = np.where(np.isfinite(found), found, by_volume)
         stress = self.numbers("lateral-stress")
-        return lateral, self._in_wanted_unit(stress / lateral if self._true_stress else stress)
+        return lateral, self.in_wanted_unit(stress / lateral if self._true_stress else stress)
 
-    def _in_wanted_unit(self, stress: np.ndarray) -> np.ndarray:
+    def in_wanted_unit(self, stress: np.ndarray) -> np.ndarray:
         """Return stresses, which are in MPa, in the unit that the user wants."""
         wanted = self.facts.stress_unit
         return stress * factor("MPa", wanted) if wanted else stress
@@ -220,11 +226,11 @@ class Readings:
                 self.assumed.append(text)
         size: float | None = 1.0
         if quantity == "extension":
-            size = self._size("gauge length")
-            if size is None and (size := self._size("length")):
+            size = self.size("gauge length")
+            if size is None and (size := self.size("length")):
                 self.assumed.append(f"the length of {size:g} mm is taken as gauge length")
         elif quantity == "force":
-            size = self._area()
+            size = self.area()
         if size is None:
             if needed:
                 self.missing.append(NEEDED[quantity])
@@ -237,7 +243,7 @@ class Readings:
             values = 1 + values
         return Reading(column, quantity, values)
 
-    def _size(self, name: str, to: str = "mm") -> float | None:
+    def size(self, name: str, to: str = "mm") -> float | None:
         """Return a length or area that the user or the file states, in a unit."""
         option = f"--{name.replace(' ', '-')}"
         stated = self.facts.sizes().get(name)
@@ -255,10 +261,10 @@ class Readings:
             )
         return found[0] if found else None
 
-    def _area(self) -> float | None:
+    def area(self) -> float | None:
         """Return the undeformed area in mm2 from all that is stated of it."""
-        area = self._size("area", "mm2")
-        width, thickness, diameter = map(self._size, ("width", "thickness", "diameter"))
+        area = self.size("area", "mm2")
+        width, thickness, diameter = map(self.size, ("width", "thickness", "diameter"))
         found = {
             "area": area,
             "diameter": diameter and np.pi / 4 * diameter**2,

@@ -11,6 +11,14 @@ from .table import TableFile
 MODES = "uniaxial", "equibiaxial", "pure-shear"
 """Modes of loading, in which one stretch and one stress describe a test."""
 
+TEARS = TROUSER, SHEAR_TEAR = "trouser", "pure-shear-tear"
+"""Modes of tear tests: two legs that are pulled apart, and a strip with a long cut between wide
+grips.
+"""
+
+ALL_MODES = (*MODES, *TEARS)
+"""Modes that a file or a user can state."""
+
 BIAXIAL = "biaxial"
 """Mode of tests with two stretches, and the stress along each of them."""
 
@@ -22,9 +30,11 @@ class Facts:
     Attributes
     ----------
     mode : str, optional
-        Mode of loading: "uniaxial", "equibiaxial" or "pure-shear".
+        Mode of loading: "uniaxial", "equibiaxial" or "pure-shear", or that of a tear test,
+        "trouser" or "pure-shear-tear".
     gauge_length, area, width, thickness, diameter : str, optional
-        Of the undeformed specimen, with units: "25 mm", "12mm2".
+        Of the undeformed specimen, with units: "25 mm", "12mm2"; the width of trousers is that of
+        a leg.
     columns : mapping, optional
         Column of a quantity (`pdsurrogate.measurements.table.QUANTITIES`, "strain" or "stress") by
         its heading or its number from 1: ``{"force": "Kraft", "stress": 2}``.
@@ -148,6 +158,30 @@ class Specimen:
 
 
 @dataclass(frozen=True)
+class Tear:
+    """Tear of a specimen.
+
+    Attributes
+    ----------
+    name : str
+    mode : str
+        One of `TEARS`.
+    length : float
+        Width of a leg of trousers, or height of a strip between the grips, in mm.
+    nominal_stress : float
+        Of the legs while the tear runs, or of the strip when it begins.
+    stretch : float, optional
+        Of the strip when the tear begins.
+    """
+
+    name: str
+    mode: str
+    length: float
+    nominal_stress: float
+    stretch: float | None = None
+
+
+@dataclass(frozen=True)
 class MechanicalTests:
     """Tests that were read from files of machines (`read_tests`).
 
@@ -167,6 +201,8 @@ class MechanicalTests:
         "least", "greatest", "unit" (mm, N, s, MPa where the unit is known).
     tables : tuple of TableFile
         The files as they were read.
+    tears : tuple of Tear
+        Tear tests, which are no `specimens`.
     """
 
     name: str
@@ -176,6 +212,7 @@ class MechanicalTests:
     missing: tuple[str, ...] = ()
     ranges: tuple[dict, ...] = ()
     tables: tuple[TableFile, ...] = ()
+    tears: tuple[Tear, ...] = ()
 
     @property
     def rows(self) -> int:

@@ -7,21 +7,22 @@ import sys
 import numba
 import numpy as np
 import pytest
+from chunk_notes import note_chunks
 
 import pdsurrogate as pds
 from pdsurrogate.engine import threads
-from pdsurrogate.engine.passes import Chain, Pass
+from pdsurrogate.engine.passes import Chain
 from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads_for
 
 USE = """
 import os, sys
 import pdsurrogate as pds
-from clock import arithmetic
-from pdsurrogate.engine.block_arrays import aligned_rows
+import numpy as np
+from chunk_notes import note_chunks
 {first}
 before = dict(os.environ)
 for _ in range(2):
-    arithmetic(1, aligned_rows((2, 8, 256), "float32", 0.5))
+    note_chunks(*np.zeros((2, 1000), int))
     with pds.engine.threads.thread_count(2):
         pass
 print(before == dict(os.environ), numba.threading_layer() if "numba" in globals() else "")
@@ -86,14 +87,6 @@ def test_small_bodies_take_one_thread():
     assert numba.get_num_threads() == before
     if most > 1:
         assert pds.simulate(small, "analytic", threads=2).summary["threads"] == 2
-
-
-@Pass
-def note_chunks(chunk, times, threads):
-    """How often each chunk has been worked on, and by which thread."""
-    times[chunk.number] += 1
-    threads[chunk.number] = chunk.thread
-    return chunk.number
 
 
 @pytest.mark.parametrize("chunks", [Chunks(1, 1), Chunks(2, 2), Chunks(2, 7), Chunks(3, 100)])

@@ -34,7 +34,7 @@ TABLE = """| bar | length | ends | - |
 def told(tmp_path, monkeypatch, capsys):
     """Runs the script with words, and returns what it prints."""
     monkeypatch.setattr(cases, "FIGURES", tmp_path)
-    monkeypatch.setattr(pages, "VALIDATION", tmp_path)
+    monkeypatch.setattr(pages, "DOCS", tmp_path)
     (tmp_path / "page.md").write_text("Bars:\n\n<!-- bars -->\n<!-- /bars -->\n")
 
     def run(*words: str) -> str:

@@ -1,0 +1,86 @@
+"""Tear tests: the steady force on the legs of trousers, and the stretch at which a cut across a
+strip in pure shear grows.
+"""
+
+import numpy as np
+
+from .readings import Readings
+from .specimens import SHEAR_TEAR, TROUSER, Specimen, Tear
+
+LEAST_STEADY = 0.25
+"""Least part of a test in which the force is steady. Chosen: legs of usual length are straight and
+stretched after a third of it; a force that rises until it falls is never steady.
+"""
+
+
+def torn_legs(readings: Readings, modes: list[str] | None) -> list[Tear] | None:
+    """Return the tears of a table of trouser tests, None for other tables."""
+    if not modes or {*modes} != {TROUSER}:
+        return None
+    force, area = readings.numbers("force"), readings.area()
+    width, thickness = readings.size("width"), readings.size("thickness")
+    if not readings.has_unit("force"):
+        readings.missing.append("the force on the legs: --column force=HEADING, --unit force=N")
+    if not (width and thickness and area):
+        readings.missing.append("width of a leg and thickness: --width '7.5 mm' --thickness '2 mm'")
+    if readings.missing:
+        return []
+    readings.unit = readings.facts.stress_unit or "MPa"
+    groups = np.array(readings.text("specimen"))
+    found = []
+    for group in dict.fromkeys(groups.tolist()):
+        rows = np.flatnonzero((groups == group) & np.isfinite(force))
+        name = " ".join(filter(None, (readings.block.title, group))) or readings.where
+        along = readings.numbers("extension")[rows]
+        steady = steady_force(force[rows], along)
+        if steady is None:
+            readings.assumed.append(
+                f"{name}: the force rises until it falls, as of legs that break: no tearing energy"
+            )
+            continue
+        first, last, mean, deviation = steady
+        readings.assumed.append(
+            f"{name}: the force on the legs is {mean:.4g} N in the mean of rows {first + 1} to"
+            f" {last + 1}, in which it varies by {100 * deviation / mean:.2g} %"
+        )
+        stress = float(readings.in_wanted_unit(np.array(mean / (width * thickness))))
+        found.append(Tear(name, TROUSER, float(width), stress))
+    return found
+
+
+def steady_force(force: np.ndarray, along: np.ndarray) -> tuple[int, int, float, float] | None:
+    """Return the first and last row of the steady part of a test, the mean force over the
+    extension `along` in it, and its deviation; None if no part of it is steady.
+
+    It lasts from the first to the last row in which the force reaches its own mean.
+    """
+    if not (np.diff(along) >= 0).all() or not np.ptp(along) > 0:
+        along = np.arange(len(force), dtype=float)
+    level, steady = force.max() / 2, None
+    while level > 0:
+        rows = np.flatnonzero(force >= level)
+        first, last = int(rows[0]), int(rows[-1])
+        length = along[last] - along[first]
+        if length < LEAST_STEADY * np.ptp(along):
+            return None
+        part, places = force[first : last + 1], along[first : last + 1]
+        mean = float(np.trapezoid(part, places) / length)
+        if (steady is not None and (first, last) == steady[:2]) or mean < level:
+            deviation = np.sqrt(np.trapezoid((part - mean) ** 2, places) / length)
+            return first, last, mean, float(deviation)
+        level, steady = mean, (first, last)
+    return None
+
+
+def cut_strip(readings: Readings, specimen: Specimen) -> list[Tear]:
+    """Return the tear of a strip with a long cut in pure shear, which grows at the greatest force:
+    none if it does not, with a remark.
+    """
+    at_break, height = specimen.at_break, readings.size("gauge length")
+    if height is None:
+        readings.missing.append("the height between the grips: --gauge-length '20 mm'")
+        return []
+    if at_break is None or at_break.no_strength:
+        readings.assumed.append(f"{specimen.name}: the cut does not grow: no tearing energy")
+        return []
+    return [Tear(specimen.name, SHEAR_TEAR, height, at_break.nominal_stress, at_break.stretch)]
