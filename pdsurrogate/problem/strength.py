@@ -190,7 +190,8 @@ class Strengths:
         """
         body, plane, clamped = where
         strength = given.strength
-        assert strength is not None and given.energy is not None  # asked about only then
+        assert strength is not None  # asked about only then
+        assert given.energy is not None  # needed beside a strength
         try:
             if law.memory:
                 raise ValueError(
@@ -211,7 +212,7 @@ class Strengths:
                 raise ValueError(
                     f"it must be exceeded in the mean over a radius of {radius:.3g}, which is"
                     f" {radius / body.spacing:.2g} spacings and must be {LEAST_RADIUS:g} at least;"
-                    f" a spacing of {0.995 * radius / LEAST_RADIUS:.3g} would do"
+                    f" use {body.finer}; {0.9 * radius / LEAST_RADIUS:.3g} or less would do"
                 )
         except ValueError as error:
             raise ValueError(f"{key}.strength: {error}") from None

@@ -269,8 +269,8 @@ class InterfaceFracture(Criterion):
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
-        Strength of the interface without a cut, needs `energy`; by default the interface has none,
-        and breaks at cuts and cracks alone.
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     """
 
     between: tuple[str, str]
