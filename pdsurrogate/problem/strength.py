@@ -1,5 +1,5 @@
 """Strength of the materials of a scene: works at break, and the radii of the discs over which they
-must be reached in the mean, theory, section 31.
+must be reached in the mean, theory, section 32.
 """
 
 import logging
