@@ -942,10 +942,3 @@ def test_an_outlier_is_named(gent, exact):
     worst = report(model, X, y, ["force"])["worst"]
     assert (worst["step"], worst["measured"]) == (1, f"u1 at ({PLACES[7][0]:g}, {PLACES[7][1]:g})")
     assert worst["standard_deviations"] == pytest.approx(0.5 / NOISE, rel=0.05)
-
-
-def test_laws_with_memory_are_refused():
-    material = {"law": "neo-hookean", "branches": [{"modulus": 1.0, "time": 1.0}]}
-    scene = sheet(material, times=[1.0, 2.0, 3.0])
-    with pytest.raises(ValueError, match="branches or softening cannot be calibrated"):
-        pds.SceneRegressor(scene, "neo-hookean").fit(X, np.zeros(len(X)))

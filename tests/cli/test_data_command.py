@@ -260,6 +260,11 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
     assert X[:, 0].tolist() == [1, 2, 3]
     assert y == pytest.approx([1000.0, 1500.0, 3000.0])
     assert outputs == {"force": "force"}
+    timed = pds.load_scene(
+        "uniaxial", {"units.time": "min"}, stretches=[1.1, 1.2, 1.3], times=[1 / 6, 0.25, 0.5]
+    )
+    of_scene = measurements(timed, None, file, {"thickness": "2 mm"}, None, *of_camera)
+    assert of_scene[1] == pytest.approx(y)
     rows = tmp_path / "rows.csv"
     rows.write_text("Load (kN),Extension (mm)\n0.02,1\n0.04,2\n0.06,3\n")
     y = measurements(scene, None, rows, {"thickness": "2mm"}, None, *of_camera)[1]

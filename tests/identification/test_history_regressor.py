@@ -244,11 +244,22 @@ def test_bad_rows_are_named_as_in_tests_without_times():
 
 
 @pytest.mark.slow
-def test_two_thousand_rows_take_less_than_five_seconds():
-    X, y = cycles(LAWS[0], 0.01, rows=334)
+@pytest.mark.parametrize("law", [None, "ogden", "full-network"])
+def test_two_thousand_rows_take_less_than_five_seconds(law):
+    """With softening if there is a law."""
+    rubber = replace(LAWS[0], memory=Memory(BRANCHES, law and Softening(2.0, 0.1, 0.2)))
+    X, y = cycles(rubber, 0.01, rows=334, path=SOFTENED if law else PATH)
     began = time.process_time()
-    HistoryRegressor().fit(X, y)
+    HistoryRegressor(law or "energy", softening=bool(law)).fit(X, y)
     assert time.process_time() - began < 5
+
+
+def test_a_start_may_leave_out_terms_of_a_law():
+    """Neo-Hookean rubber that softens, by three terms of Ogden's law."""
+    rubber = replace(LAWS[0], memory=Memory((), Softening(2.0, 0.1, 0.2)))
+    X, y = cycles(rubber, 0.01, rows=40, path=SOFTENED)
+    found = HistoryRegressor("ogden", 0, softening=True).fit(X, y)
+    assert np.abs(found.predict(X) - y).max() < 0.05 * np.abs(y).max()
 
 
 def invoke(*arguments):
