@@ -93,9 +93,9 @@ class Cracks:
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self.run.body)])
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
+    def break_bonds(self, pairs: np.ndarray, cause: str = "energy") -> None:
         """Break pairs, given by number, in one event: update damage, force and the summary about
-        cracks.
+        cracks, whose start has a `cause`, "energy" or "strength", in a body with strengths.
         """
         run = self.run
         crack = self.run.state.crack
@@ -108,11 +108,13 @@ class Cracks:
         if crack["start"] is None:
             places = starts_of_cracks(*self.damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]
+            cause = "energy" if share.any(cause == "energy") else "strength"
             stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
             crack["start"] = {
                 "event": "first bond broken",
                 **self._now(),
                 **stress,
+                **({} if run.problem.strengths is None else {"cause": cause}),
                 "x": places[0],
                 "tips": places,
             }
