@@ -46,20 +46,12 @@ def names_of(module: ast.Module) -> list[str]:
     for statement in module.body:
         if isinstance(statement, ast.ClassDef | ast.FunctionDef):
             found.append(statement.name)
-        elif isinstance(statement, ast.Assign):
-            targets = (
-                name
-                for target in statement.targets
-                for name in ast.walk(target)
-                if isinstance(name, ast.Name)
-            )
-            found += [name.id for name in targets if name.id.isupper()]
-        elif (
-            isinstance(statement, ast.AnnAssign)
-            and isinstance(statement.target, ast.Name)
-            and statement.target.id.isupper()
-        ):
-            found.append(statement.target.id)
+        elif isinstance(statement, ast.Assign | ast.AnnAssign):
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            inside = (name for target in targets for name in ast.walk(target))
+            found += [
+                name.id for name in inside if isinstance(name, ast.Name) and name.id.isupper()
+            ]
     return [name for name in dict.fromkeys(found) if not name.startswith("_")]
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import felupe as fem
 import numpy as np
+from felupe.math import ddot, det, dot, inv, transpose
 
 BULK = 100.0
 EYE = np.eye(3)[:, :, None, None]
@@ -23,27 +24,9 @@ STAGES = 4
 DATA = Path(__file__).parent / "data" / "memory.json"
 
 
-def inverse(A: np.ndarray) -> np.ndarray:
-    """Inverse of matrices with the first two axes."""
-    return np.moveaxis(np.linalg.inv(np.moveaxis(A, (0, 1), (-2, -1))), (-2, -1), (0, 1))
-
-
-def times(*matrices: np.ndarray) -> np.ndarray:
-    """Product of matrices with the first two axes."""
-    product = matrices[0]
-    for each in matrices[1:]:
-        product = np.einsum("ij...,jk...->ik...", product, each)
-    return product
-
-
-def determinant(A: np.ndarray) -> np.ndarray:
-    """Determinants, of real or complex matrices."""
-    return np.einsum("i...,i...->...", A[0], np.cross(A[1], A[2], axis=0))
-
-
 def isochoric(F: np.ndarray) -> np.ndarray:
     """Cbar of deformation gradients."""
-    return determinant(F) ** (-2 / 3) * times(F.swapaxes(0, 1), F)
+    return det(F) ** (-2 / 3) * dot(transpose(F), F)
 
 
 class Viscoelastic:
@@ -63,7 +46,7 @@ class Viscoelastic:
 
         def rate(C, part):
             Cbar = begin + part * (end - begin)
-            flow = np.einsum("ij...,ji...->...", Cbar, inverse(C)) / 3
+            flow = ddot(Cbar, inv(C)) / 3
             return (Cbar - flow * C) * (self.dt / self.time)
 
         h = 1 / STAGES
@@ -80,10 +63,10 @@ class Viscoelastic:
         """Isochoric stress P, with C_k and Cbar at the end of the step."""
         Cbar = isochoric(F)
         C = self.advanced(state[0], state[1], Cbar)
-        pull = self.shear_modulus * EYE + self.modulus * inverse(C)
-        FM, J = times(F, pull), determinant(F)
-        trace = np.einsum("ij...,ij...->...", FM, F)
-        return J ** (-2 / 3) * (FM - trace / 3 * inverse(F).swapaxes(0, 1)), C, Cbar
+        pull = self.shear_modulus * EYE + self.modulus * inv(C)
+        FM, J = dot(F, pull), det(F)
+        trace = ddot(FM, F)
+        return J ** (-2 / 3) * (FM - trace / 3 * transpose(inv(F))), C, Cbar
 
     def gradient(self, x: list) -> list:
         """Stress and new state, as FElupe asks for them."""
@@ -117,8 +100,8 @@ class Sheet(Viscoelastic):
     def whole(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stress in space with that of the volume, and the new state."""
         P, C, Cbar = super().stress(F, state)
-        J = determinant(F)
-        return P + BULK / 4 * (J**2 - J**-2) * inverse(F).swapaxes(0, 1), C, Cbar
+        J = det(F)
+        return P + BULK / 4 * (J**2 - J**-2) * transpose(inv(F)), C, Cbar
 
     def slope(self, F: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Derivative of P33 by the stretch of the thickness, at real F."""

@@ -11,13 +11,15 @@ the free side with the plate, and of the free side with the plane of the bonded 
 (60 on 40 elements). Neo-Hookean, mu = 1, K = 100, with the volumetric energy K/8 (J - 1/J)^2.
 """
 
+import tomllib
 from dataclasses import replace
 
 import matplotlib
 import numpy as np
 from cases import of_rows, percent, plane_strain_modulus, report
 from matplotlib.figure import Figure
-from pages import FIGURES
+from pages import DOCS, FIGURES
+from tutorials import blocks_of
 
 import pdsurrogate as pds
 from pdsurrogate.results import figures
@@ -105,32 +107,12 @@ def indented(cells: int):
     yield cells, force, hertz, layer, percent(force, layer), area, off
 
 
-SEAL = pds.Scene(
-    name="seal",
-    spacing=0.08,
-    plane="strain",
-    body=pds.shapes.Circle(radius=1.0, center=(0.0, 0.0)),
-    material=RUBBER,
-    obstacles=(
-        pds.Obstacle(
-            half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.5, name="flange"
-        ),
-        pds.Obstacle(half_plane={"point": (0.0, -1.0), "normal": (0.0, -1.0)}, name="floor"),
-        pds.Obstacle(half_plane={"point": (-1.1, 0.0), "normal": (-1.0, 0.0)}, name="left"),
-        pds.Obstacle(half_plane={"point": (1.1, 0.0), "normal": (1.0, 0.0)}, name="right"),
-    ),
-    prescribed=(
-        pds.Prescribed(region={"near": (0.0, 0.0)}, x1=0.0, x2=-0.25, name="middle"),
-        pds.Prescribed(region={"near": (0.0, 0.5)}, x1=0.0, name="upright"),
-        pds.Prescribed(region={"near": (0.0, -0.5)}, x1=0.0, name="lower"),
-    ),
-    steps=(pds.Step(to=1.0, outputs=5),),
-)
-
-
 def seal():
     """The picture of the seal of the guide, pressed by 15 and by 25 %, in colors of pressure."""
-    result = pds.simulate(SEAL, "bond-energy")
+    guide = blocks_of((DOCS / "guide" / "loading.md").read_text("utf-8"))
+    (text,) = (block.text for block in guide if 'name = "seal"' in block.text)
+    scene = pds.Scene.model_validate(tomllib.loads(text))
+    result = pds.simulate(scene, "bond-energy")
     with matplotlib.rc_context(figures.STYLE):
         figure = Figure(figsize=(6.4, 2.9), layout="constrained")
     limits = (0.0, float(np.percentile(result.field("pressure", -1), 99)))
@@ -150,7 +132,7 @@ def seal():
         )
     figure.colorbar(drawn, ax=figure.axes, label="pressure")
     figures.save(figure, FIGURES / "guide" / "seal.png")
-    yield SEAL.name, len(result.body)
+    yield scene.name, len(result.body)
 
 
 if __name__ == "__main__":

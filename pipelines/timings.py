@@ -2,9 +2,9 @@
 
 python pipelines/timings.py tear cube                       costs, by names that `--help` lists
 python pipelines/timings.py tear cube --commits OLD NEW     of two commits in turns, and their ratio
-python pipelines/timings.py figures --commits OLD NEW       what differs in sections 6.2 to 6.7
+python pipelines/timings.py 6.2 6.7 --commits OLD NEW       with the figures of sections 6.2 to 6.7
 python pipelines/timings.py properties --commits OLD NEW    what differs in required properties
-python pipelines/timings.py speed threads ranks --docs      tables, into the documentation
+python pipelines/timings.py scaling threads ranks --docs    tables, into the documentation
 
 Commits are checked out into a temporary folder and run in processes of their own with this Python,
 so that both must run on what is installed. Each goes first in every other turn; medians over the
@@ -31,8 +31,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from cases import Figures, Study, measure, of_rows, write_tables
-from pages import FIGURES, markdown_table
+from cases import measure, of_rows, write_tables
 
 import pdsurrogate as pds
 
@@ -372,6 +371,7 @@ COSTS = SECTIONS | {
     "small-run": command(*SMALL_RUN),
     "pictures": command(*SMALL_RUN, "--out", "small-run", "--overwrite"),
     "compile": Cost(("-c", COMPILE), empty=True),
+    "properties": Cost(("-c", PROPERTIES), turns=1),
     "three": command(*SMALL_RUN, together=3, empty=True, turns=3),
     "one-rank": run("bonded-block", SMALL, ranks=1),
     "two-ranks": run("bonded-block", SMALL, ranks=2),
@@ -493,19 +493,6 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
                             },
                         )
                         show(name, found)
-        elif name in ("figures", "properties"):
-            for title, cost in (
-                SECTIONS if name == "figures" else {"": Cost(("-c", PROPERTIES))}
-            ).items():
-                found = [
-                    {
-                        key: [value]
-                        for key, value in cost(path).items()
-                        if value is not None and "(" not in key
-                    }
-                    for path in paths
-                ]
-                show(f"{name} {title}", found)
         else:
             cost = COSTS[name]
             for path in paths:
@@ -514,29 +501,6 @@ def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
                 name,
                 in_turns(paths, turns or cost.turns, lambda which, cost=cost: cost(paths[which])),
             )
-
-
-def of_speed():
-    """Force models of sheets: cost, error and effort, and the figure of the documentation."""
-    import comparison
-
-    from pdsurrogate.results.figures import save
-
-    found = comparison.compare()
-    save(comparison.pareto_figure(found), FIGURES / "speed.png")
-    yield found
-
-
-def in_words(figures: Figures) -> str:
-    """The tables of `comparison`."""
-    import comparison
-
-    ((found,),) = figures.values()
-    shown = [
-        f"{title}:\n\n{markdown_table(*comparison.table(found, title))}"
-        for title in comparison.TABLES
-    ]
-    return "\n\n".join([f"Processor: {found['machine']}.", *shown])
 
 
 def of_sizes():
@@ -750,7 +714,6 @@ POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
     study.name: study
     for study in (
-        Study("speed", {"": of_speed}, {"speed": in_words}),
         of_rows(
             "scaling",
             of_sizes,
@@ -846,7 +809,7 @@ TABLES = {
 
 
 def main() -> None:
-    others = ["forces", "figures", "properties", *COSTS]
+    others = ["forces", *COSTS]
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
