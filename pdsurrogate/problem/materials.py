@@ -15,7 +15,7 @@ from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, MaterialPart
 from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
-from ..scenes.loading_checks import gives_fracture_energy
+from ..scenes.loading_checks import criteria_give
 from ..scenes.regions import label_of_region
 from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions
@@ -214,7 +214,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
-        if gives_fracture_energy(scene):
+        if criteria_give(scene, "energy"):
             tip_diameters_in(scene, model.family)
     found = [model]
     for number, part in enumerate(scene.materials):

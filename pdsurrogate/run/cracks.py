@@ -1,6 +1,7 @@
 """Cracks of a run: which bonds break, where cracks begin and how their tips move."""
 
 import logging
+import math
 
 import numpy as np
 import scipy
@@ -18,6 +19,12 @@ LEAST_RATIO = 0.1
 """Determinant of the deformation gradient below which a point that has lost bonds counts as failed;
 intact rubber in a tear stays above 0.5. Chosen lower than the bound for a single bond
 (`COLLAPSED`), since a point that fails loses all its bonds.
+"""
+
+PAUSE = 0.1
+"""Time between two searches for bonds that break by strength, in the time in which a shear wave
+crosses the radius of a disc; while such bonds break every step searches. Chosen: the mean over a
+disc then changes by a few percent at most, and the searches cost a tenth of the evaluations.
 """
 
 
@@ -42,6 +49,14 @@ class Cracks:
         self._lost = np.zeros(len(run.body.all_points), dtype=bool)
         self._torn = np.empty(0, dtype=np.int64)
         self._count_lost(np.flatnonzero(run.damage.broken))
+        strengths = run.problem.strengths
+        self._pause = math.inf
+        if strengths is not None:
+            hardest = max(law.shear_modulus for law, _ in run.force.laws)
+            least = min(zone.radius for zone in strengths.zones)
+            self._pause = (
+                PAUSE * least * math.sqrt(run.stages[run.state.stage].inertia.density / hardest)
+            )
         # Of the present step: stored energy and forces before bonds broke, None while none has, and
         # the energy released since.
         self._before: tuple[float, np.ndarray] | None = None
@@ -65,9 +80,13 @@ class Cracks:
         self._before = None
         self._released = 0.0
         run.force.place(run.positions)
-        pairs = self._damage.overstretched(run.force.positions)
-        if share.any(len(pairs) > 0):
-            self._break(pairs)
+        due = self._pause < math.inf and self._account.time >= self._account.strength_due
+        failing = self._damage.failing(run.force, due)
+        if due:
+            torn = share.any(bool(failing.by_strength.any()))
+            self._account.strength_due = self._account.time + (0.0 if torn else self._pause)
+        if share.any(len(failing.pairs) > 0):
+            self._break(failing.pairs, "strength" if failing.by_strength.all() else "energy")
         while True:
             try:
                 integrator.evaluate(integrator.steps - self._account.last_break < STEPS_PER_ROW)
@@ -128,9 +147,9 @@ class Cracks:
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self._run.body)])
 
-    def _break(self, pairs: np.ndarray) -> None:
+    def _break(self, pairs: np.ndarray, cause: str = "energy") -> None:
         """Break pairs, given by number, in one event: update damage, force, energy account and the
-        summary about cracks.
+        summary about cracks, whose start has a `cause` if there are strengths.
 
         The force must be placed at the present positions. `_count_release` counts what the body
         loses.
@@ -151,6 +170,7 @@ class Cracks:
                 "event": "first bond broken",
                 **self._now(),
                 **stress,
+                **({} if run.problem.strengths is None else {"cause": cause}),
                 "x": places[0],
                 "tips": places,
             }

@@ -107,7 +107,9 @@ class Run(System):
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
         critical = problem.critical_stretches
-        self.damage = None if critical is None else Damage(self.body, critical.of_pairs())
+        self.damage = (
+            None if critical is None else Damage(self.body, critical.of_pairs(), problem.strengths)
+        )
         self.states = self.states_of()
         self.keep_tables: Callable[..., None] = lambda *_: None
 

@@ -158,8 +158,8 @@ def names_of_materials(scene: SceneData) -> list[str]:
     ]
 
 
-def gives_fracture_energy(scene: SceneData) -> bool:
-    """Return whether a scene gives the fracture energy of a material or an interface."""
+def criteria_give(scene: SceneData, key: str) -> bool:
+    """Return whether a scene gives the "energy" or "strength" of a material or an interface."""
     criteria = (
         []
         if scene.fracture is None
@@ -169,7 +169,7 @@ def gives_fracture_energy(scene: SceneData) -> bool:
             *(part.fracture for part in scene.materials),
         ]
     )
-    return any(one is not None and one.energy is not None for one in criteria)
+    return any(one is not None and getattr(one, key) is not None for one in criteria)
 
 
 def _fracture(scene: SceneData) -> None:
@@ -209,7 +209,7 @@ def _fracture(scene: SceneData) -> None:
                 " leave one out"
             )
         given.add(between)
-    if gives_fracture_energy(scene):
+    if criteria_give(scene, "energy"):
         tip_diameters_in(scene)  # for which force model, a run checks
 
 

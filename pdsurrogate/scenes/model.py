@@ -25,6 +25,7 @@ from .obstacles import Obstacle
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
+from .strength import Strength
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused, the_one
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
@@ -229,13 +230,22 @@ class Criterion(StrictModel):
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
     energy: Positive | None = None
+    strength: Strength | None = None
 
     def model_post_init(self, _) -> None:
         the_one(self, ("critical_stretch", "energy"))
+        if self.strength is not None and self.energy is None:
+            raise ValueError(
+                "strength needs energy in place of critical_stretch: their ratio is the size of the"
+                " region over which the strength must be exceeded in the mean"
+            )
 
 
 class InterfaceFracture(Criterion):
@@ -258,6 +268,9 @@ class InterfaceFracture(Criterion):
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength of the interface without a cut, needs `energy`; by default the interface has none,
+        and breaks at cuts and cracks alone.
     """
 
     between: tuple[str, str]
@@ -275,6 +288,9 @@ class Fracture(Criterion):
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     interfaces : list of InterfaceFracture
         Pairs of materials whose common interface has a fracture energy or critical stretch of its
         own. Bonds between other materials break at the smaller of the critical stretches of the

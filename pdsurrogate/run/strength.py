@@ -1,0 +1,209 @@
+"""Bonds that break because a material's strength is reached in the mean over a disc, theory,
+section 31.
+"""
+
+import numpy as np
+import scipy
+
+from ..body import Body, rows_of
+from ..body.body import lengths_of
+from ..errors import InvalidState
+from ..forces import InternalForce
+from ..forces.kinematics import entries_of
+from ..materials import PLANES
+from ..problem.strength import Strengths, Zone
+from .damage import Damage
+
+SAMPLES = {2: 8, 3: 5}
+"""Samples per radius of a disc in each direction, by dimension, from which its part in the hull is
+found. Chosen: a circular hole of the disc's size counts within 2 % of the disc.
+"""
+
+EQUAL = 1e-9
+"""Relative difference up to which stretches count as equal, as those of a bond and of its image."""
+
+
+class Discs:
+    """Search for the bonds that break by strength.
+
+    Parameters
+    ----------
+    strengths : Strengths
+    damage : Damage
+        Broken bonds of the body.
+    """
+
+    def __init__(self, strengths: Strengths, damage: Damage) -> None:
+        body = damage.body
+        self._strengths = strengths
+        self._damage = damage
+        self._body = body
+        self._own = np.flatnonzero(body.share.own)
+        self._tree = scipy.spatial.cKDTree(body.points[self._own])
+        self._pairs = rows_of(body, "pairs")
+        self._mirrors = [plane for plane in body.planes if plane.symmetric]
+        grid = np.arange(-SAMPLES[body.dimension], SAMPLES[body.dimension]) + 0.5
+        unit = np.stack(np.meshgrid(*[grid] * body.dimension), axis=-1).reshape(-1, body.dimension)
+        unit /= SAMPLES[body.dimension]
+        self._samples = unit[lengths_of(unit) <= 1]
+        self._shares: dict[tuple[float, int], float] = {}
+
+    def failing(self, force: InternalForce) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers, rising, of the pairs that break by strength at the positions last
+        set, and their loads (k,): the square roots of the mean energies over the works at break.
+
+        One pair for each of the discs, which do not overlap, and its images.
+        """
+        share = self._body.share
+        error = False
+        try:
+            energy = self._energies(force)
+        except InvalidState:  # of a point that has lost bonds: its others break with it
+            error = True
+        found = [np.empty(0, dtype=np.int64)]
+        loads = [np.empty(0)]
+        if not share.any(error):
+            for zone in self._strengths.zones:
+                for pairs, load in self._of_zone(zone, energy, force.positions):
+                    found.append(pairs)
+                    loads.append(np.full(len(pairs), load))
+        numbers, first = np.unique(np.concatenate(found), return_index=True)
+        return numbers, np.concatenate(loads)[first]
+
+    def _energies(self, force: InternalForce) -> np.ndarray:
+        """Return the energy densities of the points by their laws, from their intact bonds, shape
+        (n,).
+        """
+        F = force.deformation_gradients()
+        J3 = force.volume_ratios()
+        found = np.zeros(len(F))
+        with np.errstate(all="ignore"):  # of points that have lost bonds
+            for law, points in force.laws:
+                found[points] = PLANES[force.plane].energy_at(law, F[points], J3[points])
+        return np.nan_to_num(found, posinf=0.0)
+
+    def _of_zone(
+        self, zone: Zone, energy: np.ndarray, positions: np.ndarray
+    ) -> list[tuple[np.ndarray, float]]:
+        """Return the pairs that break in each disc of a zone, and the load of the disc."""
+        body = self._body
+        share = body.share
+        ratios = energy / (self._strengths.works if zone.of_points else zone.work)
+        hot = np.flatnonzero(zone.centers & share.own & (ratios >= 1))
+        if not share.any(len(hot) > 0):
+            return []
+        numbers, centers = (
+            np.concatenate(share.everywhere(rows))
+            for rows in (share.numbers[hot], body.points[hot])
+        )
+        order = np.argsort(numbers)
+        numbers = numbers[order]
+        centers = centers[order]
+        means = self._means(zone, centers, ratios)
+        found = []
+        waiting = means < 1
+        for disc in np.lexsort((numbers, -means)):
+            if waiting[disc]:
+                continue
+            mean = means[disc] * self._share_in_hull(zone, int(numbers[disc]), centers[disc])
+            if mean >= 1:
+                waiting |= lengths_of(centers - centers[disc]) < 2 * zone.radius
+                pairs = self._most_stretched(zone, centers[disc], positions)
+                found.append((pairs, float(np.sqrt(mean))))
+        return found
+
+    def _images(self, places: np.ndarray) -> list[np.ndarray]:
+        """Return places (k, d), and their images in the planes of symmetry."""
+        found = [places]
+        for plane in self._mirrors:
+            found += [2 * plane.mirrored(each)[0] - each for each in found]
+        return found
+
+    def _means(self, zone: Zone, centers: np.ndarray, ratios: np.ndarray) -> np.ndarray:
+        """Return the means of the points' `ratios` (n,) over the intact part of the discs around
+        `centers` (k, d), shape (k,).
+        """
+        body = self._body
+        rim = body.spacing / 2
+        discs, members, parts = [], [], []
+        for places in self._images(centers):
+            near = self._tree.query_ball_point(places, zone.radius + rim, return_sorted=True)
+            counts = np.array([len(each) for each in near])
+            disc = np.repeat(np.arange(len(centers)), counts)
+            member = self._own[np.concatenate([*map(np.asarray, near)]).astype(np.int64)]
+            distance = lengths_of(body.points[member] - places[disc])
+            discs.append(disc)
+            members.append(member)
+            parts.append(np.clip((zone.radius - distance) / body.spacing + 0.5, 0, 1))
+        disc, member, part = map(np.concatenate, (discs, members, parts))
+        every, place = np.unique(member, return_inverse=True)
+        volumes = body.volumes[every] * self._damage.intact(every)
+        if zone.of_points:  # materials without a strength do not count
+            volumes *= np.isfinite(self._strengths.works[every])
+        weight = part * volumes[place]
+        number = body.share.numbers[member]
+        value = weight * ratios[member]
+        disc, number, weight, value = (
+            np.concatenate(body.share.everywhere(rows)) for rows in (disc, number, weight, value)
+        )
+        order = np.lexsort((number, disc))  # the same sums on any number of ranks
+        total, weighted = (
+            np.bincount(disc[order], rows[order], len(centers)) for rows in (weight, value)
+        )
+        return weighted / np.maximum(total, np.finfo(float).tiny)
+
+    def _share_in_hull(self, zone: Zone, number: int, center: np.ndarray) -> float:
+        """Return the part of the convex hull of a disc's part of the undeformed body that is in
+        the body: holes count as empty.
+        """
+        key = zone.radius, number
+        if key not in self._shares:
+            samples = center + zone.radius * self._samples
+            inside = np.zeros(len(samples), dtype=bool)
+            for places in self._images(samples):
+                inside |= self._strengths.inside(places)
+            share = 1.0
+            if not inside.all() and np.count_nonzero(inside) > 2 * len(center):
+                hull = scipy.spatial.ConvexHull(samples[inside]).equations
+                within = (samples @ hull[:, :-1].T + hull[:, -1] <= EQUAL * zone.radius).all(axis=1)
+                share = np.count_nonzero(inside) / np.count_nonzero(within | inside)
+            self._shares[key] = share
+        return self._shares[key]
+
+    def _most_stretched(self, zone: Zone, center: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """Return the numbers of the most stretched intact pair of a disc and of its images on this
+        rank; of equal ones it is the nearest to the center.
+        """
+        body = self._body
+        share = body.share
+        bonds = body.bonds
+        points = body.all_points
+        reach = zone.radius + body.horizon / 2
+        members = self._own[self._tree.query_ball_point(center, reach, return_sorted=True)]
+        pairs = np.unique(bonds.pair_of[entries_of(bonds.pointers, members)])
+        pairs = pairs[zone.pairs[pairs] & ~self._damage.broken[pairs]]
+        first = bonds.first[pairs]
+        second = bonds.second[pairs]
+        away = lengths_of((points[first] + points[second]) / 2 - center)
+        within = away <= zone.radius
+        pairs, first, second, away = (rows[within] for rows in (pairs, first, second, away))
+        length = lengths_of(points[second] - points[first])
+        stretch = lengths_of(positions[second] - positions[first]) / length
+        numbers = self._pairs.numbers[pairs]
+        own = share.own[first]
+        sources = np.concatenate([share.numbers, share.numbers[body.ghosts.source]])
+        ends = np.sort(np.stack([sources[first], sources[second]], axis=1), axis=1)
+        image = second >= len(body)
+        rows = (numbers, stretch, away, length, image, ends)
+        numbers, stretch, away, length, image, ends = (
+            np.concatenate(share.everywhere(values[own])) for values in rows
+        )
+        if not len(numbers):
+            return numbers
+        most = np.flatnonzero(stretch >= (1 - EQUAL) * stretch.max())
+        best = most[np.lexsort((numbers[most], away[most]))[0]]
+        # A bond to an image has an image itself if both ends lie beside the plane.
+        same = image & image[best] & (ends == ends[best]).all(axis=1)
+        same &= np.abs(length - length[best]) <= EQUAL * body.horizon
+        same[best] = True
+        return np.flatnonzero(np.isin(self._pairs.numbers, numbers[same]))
