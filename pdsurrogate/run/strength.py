@@ -5,7 +5,7 @@ section 31.
 import numpy as np
 import scipy
 
-from ..body import Body, rows_of
+from ..body import rows_of
 from ..body.body import lengths_of
 from ..errors import InvalidState
 from ..forces import InternalForce

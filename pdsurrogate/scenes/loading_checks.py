@@ -8,8 +8,10 @@ from itertools import pairwise
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .loading import controlled_place
-from .model import SceneData, entries_of
+from .model import Criterion, SceneData, entries_of
+from .reading import leaves
 from .regions import FACES, label_of_region
+from .strict_model import ARTIFACT
 from .tip_diameter import tip_diameters_in
 
 MOST_INCREMENTS = 100_000
@@ -158,18 +160,33 @@ def names_of_materials(scene: SceneData) -> list[str]:
     ]
 
 
+def criteria_of(scene: SceneData) -> dict[str, Criterion]:
+    """Return the criteria of fracture of a scene by their keys."""
+    if scene.fracture is None:
+        return {}
+    return {
+        "fracture": scene.fracture,
+        **{
+            f"fracture.interfaces.{number}": one
+            for number, one in enumerate(scene.fracture.interfaces)
+        },
+        **{
+            f"{key}.fracture": part.fracture
+            for key, part in entries_of(scene, "materials")
+            if part.fracture is not None
+        },
+    }
+
+
 def criteria_give(scene: SceneData, key: str) -> bool:
     """Return whether a scene gives the "energy" or "strength" of a material or an interface."""
-    criteria = (
-        []
-        if scene.fracture is None
-        else [
-            scene.fracture,
-            *scene.fracture.interfaces,
-            *(part.fracture for part in scene.materials),
-        ]
-    )
-    return any(one is not None and getattr(one, key) is not None for one in criteria)
+    return any(getattr(one, key) is not None for one in criteria_of(scene).values())
+
+
+def left_to_artifact(criterion: Criterion) -> list[str]:
+    """Return the keys of the numbers of a criterion that the tests behind an artifact determine."""
+    numbers = criterion.model_dump(exclude={"between", "interfaces"})
+    return [key for key, value in leaves(numbers) if value == ARTIFACT]
 
 
 def _fracture(scene: SceneData) -> None:

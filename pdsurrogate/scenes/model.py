@@ -26,7 +26,7 @@ from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
 from .strength import Strength
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused, the_one
+from .strict_model import MEASURED, Finite, Positive, StrictModel, Vector, Whole, refused, the_one
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning
@@ -225,8 +225,9 @@ class Criterion(StrictModel):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
@@ -236,7 +237,7 @@ class Criterion(StrictModel):
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
-    energy: Positive | None = None
+    energy: Annotated[Positive, *MEASURED] | None = None
     strength: Strength | None = None
 
     def model_post_init(self, _) -> None:
@@ -263,8 +264,9 @@ class InterfaceFracture(Criterion):
         material of the rest of the body.
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
@@ -283,8 +285,9 @@ class Fracture(Criterion):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
