@@ -96,6 +96,8 @@ class InternalForce:
         them back, continues with identical bits.
     history : dict of ndarray
         Those of them that `accept` alone changes: the history of the terms, see `Term.keeps`.
+    elapsed : float
+        Time since the state last accepted, see `elapse`.
     evaluations : int
         Evaluations begun so far.
     pairs_outside : int
@@ -170,7 +172,7 @@ class InternalForce:
             name: values for term in self._remembering for name, values in term.kept.items()
         }
         self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
-        self.seconds = 0.0
+        self.seconds = self.elapsed = 0.0
 
     def _moduli(self, moduli: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and
@@ -247,7 +249,7 @@ class InternalForce:
         """Set the time since the state that was last accepted, at which the next evaluations try
         states of a body with history; to be called, too, after `history` was restored.
         """
-        self._kinematics.elapsed = time
+        self.elapsed = self._kinematics.elapsed = time
         for term in self._remembering:
             term.elapse()
 

@@ -171,8 +171,8 @@ class LawCovariance:
 
 
 def numbers_of(law: Law) -> dict[str, float]:
-    """Return the independent numbers of a law's elastic energy by dotted key; those of a law of
-    sums of terms imply its shear modulus.
+    """Return the independent numbers of a law and its memory by dotted key; those of a law of sums
+    of terms imply its shear modulus.
     """
     found = {key: getattr(law, key) for key in law.defaults()}
     if isinstance(law, Ogden):
@@ -184,7 +184,7 @@ def numbers_of(law: Law) -> dict[str, float]:
             if isinstance(value, tuple)
             else {key: value}
         )
-    return flat
+    return flat | law.memory.numbers()
 
 
 def with_numbers_of(law: Law, values: Mapping[str, float]) -> Law:
@@ -192,7 +192,12 @@ def with_numbers_of(law: Law, values: Mapping[str, float]) -> Law:
     not those of a law.
     """
     changes: dict = {"shear_modulus": None} if isinstance(law, Ogden) else {}
+    remembered = {name: values[name] for name in law.memory.numbers() if name in values}
+    if remembered:
+        changes["memory"] = law.memory.with_numbers(remembered)
     for name, value in values.items():
+        if name in remembered:
+            continue
         key, _, place = name.partition(".")
         if place:
             numbers = list(changes.get(key, getattr(law, key)))

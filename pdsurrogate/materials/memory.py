@@ -1,7 +1,7 @@
 """Memory of rubber beside its elastic energy: viscoelastic branches and softening."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -104,6 +104,48 @@ class Memory:
             branches=tuple(Branch(one.modulus * factor, one.time * time) for one in self.branches),
             softening=softening and replace(softening, m=softening.m * factor),
         )
+
+    def numbers(self) -> dict[str, float]:
+        """Return the numbers of branches and softening by dotted key.
+
+        Examples
+        --------
+        >>> from pdsurrogate.materials import Branch, Memory
+        >>> Memory((Branch(0.4, 2.0),)).numbers()
+        {'branches.0.modulus': 0.4, 'branches.0.time': 2.0}
+        """
+        return {
+            f"{part}.{name}": value
+            for part, one in self._parts().items()
+            for name, value in vars(one).items()
+        }
+
+    def with_numbers(self, values: Mapping[str, float]) -> Self:
+        """Return the memory with other values of some of its `numbers`.
+
+        Raises
+        ------
+        ValueError
+            If the values are not those of a memory.
+
+        Examples
+        --------
+        >>> from pdsurrogate.materials import Branch, Memory
+        >>> Memory((Branch(0.4, 2.0),)).with_numbers({"branches.0.time": 3.0}).branches
+        (Branch(modulus=0.4, time=3.0),)
+        """
+        numbers = self.numbers() | values
+        parts = {
+            part: replace(one, **{name: numbers[f"{part}.{name}"] for name in vars(one)})
+            for part, one in self._parts().items()
+        }
+        softening = parts.pop("softening", None)
+        return replace(self, branches=tuple(parts.values()), softening=softening)
+
+    def _parts(self) -> dict[str, Any]:
+        """Return branches and softening by key."""
+        found: dict[str, Any] = {f"branches.{n}": one for n, one in enumerate(self.branches)}
+        return found | ({} if self.softening is None else {"softening": self.softening})
 
     def describe(self) -> dict[str, Any]:
         """Return the keys of a material that state this memory, ``branches`` and ``softening``."""

@@ -162,6 +162,9 @@ class Result:
         loads is an unknown: derivatives keep this displacement, ``"t"`` can be an output, and the
         displacement, such as ``"probes.tip.displacement.0"``, is a parameter in place of t.
 
+        With branches or softening the run is repeated, and every increment up to the output is
+        differentiated (theory (100a)); the loading parameter is then no parameter.
+
         Parameters
         ----------
         outputs : sequence of str

@@ -44,11 +44,20 @@ def differentiate(
     number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
     control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
     _check(scene, models, result, parameters, loading, control, number)
-    body = differentiated(scene, models)
     at = result.levels[number][loading]
+    if scene.remembers:
+        from .followed import FollowedRun  # here, for few materials remember
+
+        run = FollowedRun(scene, models)
+        body = run.here
+    else:
+        body = differentiated(scene, models)
     check_intact(body.system.problem, result, number, "derivatives")
     try:
-        found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
+        if scene.remembers:
+            found = run.follow(outputs, parameters, number)[-1]
+        else:
+            found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
     except NoEquilibrium as error:
         why = (
             ""
@@ -113,6 +122,11 @@ def _check(
         raise ValueError(
             f"parameters: {loading} is an unknown of a step that controls {control}: differentiate"
             f" by {control!r}, and name {loading!r} as an output"
+        )
+    if scene.remembers and loading in parameters:
+        raise ValueError(
+            f"parameters: {loading} changes with time, and with branches or softening the body"
+            " depends on its whole course: name other numbers"
         )
     if not scene.stretched and loading in parameters:
         _check_smooth(scene, result.levels[number][loading])

@@ -205,7 +205,7 @@ class Equilibria:
                 told = told if isinstance(told, RanAway) else error
                 self._shorten(increments, told, error)
                 continue
-            run.force.accept(run.positions)
+            run.accept()
             state.time += increments.duration
             taken = run.force.evaluations - began
             run.earlier = accepted.parameter, accepted.arrays["positions"]

@@ -58,7 +58,8 @@ def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
             found[key] = value
     for key, law in laws.items():
         for name, value in numbers_of(law).items():
-            fixed = isinstance(by_law.get(key), Learned) and name not in MODULI
+            free = name in MODULI or name in law.memory.numbers()
+            fixed = isinstance(by_law.get(key), Learned) and not free
             missing = False
             if (
                 "." in name and not value

@@ -32,10 +32,10 @@ def check_models(
             raise ValueError(
                 f"{method}: {model.name} cannot be evaluated in double precision, which {what} need"
             )
-    if scene.remembers or any(term.keeps for model in models for term in model.terms(scene.plane)):
+    keeps = any(term.keeps for model in models for term in model.terms(scene.plane))
+    if keeps or (scene.remembers and method == "lowest_mode"):
         raise ValueError(
-            f"{method}: there are no {what} here: the forces depend on earlier states of the body,"
-            " as with branches or softening"
+            f"{method}: there are no {what} here: the forces depend on earlier states of the body"
         )
 
 

@@ -128,6 +128,10 @@ class Run(System):
         contact = {PUSHES: self.loads.pushes} if self.loads.obstacles else {}
         return {"positions": self.positions, **contact, **self.force.state_arrays}
 
+    def accept(self) -> None:
+        """Add the present equilibrium to the history of the force."""
+        self.force.accept(self.positions)
+
     def takes_double(self) -> bool:
         """Return whether the run may change to double precision: the scene sets no precision,
         and all force models support it.

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ..body import Following, fields_at
 from ..engine.threads import thread_count
-from ..forces import ForceModel
+from ..forces import ForceModel, InternalForce
 from ..materials.covariance import with_numbers_of
 from ..problem import compile_scene
 from ..scenes import Scene
@@ -135,6 +135,8 @@ class Jacobian:
         where adjoint equations are solved.
     errors : ndarray, shape (measurements, parameters)
         Estimated errors of the derivatives.
+    history : dict of ndarray
+        By parameter, the derivatives of the history that contains the equilibrium, flat.
     """
 
     names: tuple[str, ...]
@@ -143,6 +145,7 @@ class Jacobian:
     displacements: np.ndarray
     moved: np.ndarray | None
     errors: np.ndarray
+    history: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,8 @@ class _Change:
         Derivative of the forces of obstacles at places.
     measured : ndarray, shape (measurements,)
         Derivatives of the measurements.
+    history : ndarray
+        Derivative of the history that contains the equilibrium, flat.
     rounding : float
         Norm of the rounding errors of `forces`.
     """
@@ -171,6 +176,7 @@ class _Change:
     forces: np.ndarray
     pushes: np.ndarray
     measured: np.ndarray
+    history: np.ndarray
     rounding: float
 
 
@@ -193,12 +199,16 @@ class Differentiated:
     control : str or None
         Key of the displacement that the step of the equilibrium controls, so that the loading
         parameter t is an unknown.
+    history : dict of ndarray or None
+        By parameter, the derivatives of the history from which the step of the equilibrium begins,
+        flat; None for a body that does not remember.
     """
 
     system: System
     numbers: dict[str, float]
     at_places: Following | None = None
     control: str | None = None
+    history: dict[str, np.ndarray] | None = None
 
     def moved_places(self, displacements: np.ndarray, parameter: float) -> np.ndarray:
         """Return the displacements (k, d) at places that are measured, from those of the points
@@ -256,12 +266,7 @@ class Differentiated:
             system = self.system
             system.state.parameter = at
             system.place(system.body.points + displacements)
-            rounding = strain_rounding(system.body, system.positions)
-            settings = (
-                system.loading.free,
-                system.body.volumes,
-                max(BALANCED, ROUNDED_STRAIN * self.contrast * rounding),
-            )
+            settings = system.loading.free, system.body.volumes, self.balanced
             if control is None:
                 solver = Newton(*settings)
                 solver.solve(system.loaded, system.positions)
@@ -300,29 +305,31 @@ class Differentiated:
             along = loaded.along()
         else:
             few = 0 < len(names) < len(parameters) and self.contrast <= MOST_CONTRAST
-            if few and not system.loads.obstacles:  # whose pushes follow forward solutions
+            # pushes and the history follow forward solutions
+            if few and not system.loads.obstacles and self.history is None:
                 gradients = self._gradients(names)
             if parameters:
                 equations = solver.equations(loaded, positions)
         moved = None if gradients else np.empty((len(parameters), *positions.shape))
         derivatives, errors = np.empty((2, len(names), len(parameters)))
+        history = {}
         if gradients:
             derivatives, errors = self._adjoint(equations, gradients, names, parameters)
         else:
             for number, name in enumerate(parameters):
                 change = self._change(name, (), along if name == self.control else None)
-                found = self._forward(equations, change, names)
-                derivatives[:, number], moved[number], errors[:, number] = found
+                along, moved[number], errors[:, number] = self._forward(equations, change, names)
+                derivatives[:, number] = along.measured
+                history[name] = along.history
         values = np.array([measured[name] for name in names])
-        return Jacobian(
-            tuple(names), values, derivatives, positions - system.body.points, moved, errors
-        )
+        displacements = positions - system.body.points
+        return Jacobian(tuple(names), values, derivatives, displacements, moved, errors, history)
 
     def _forward(
         self, equations: TangentEquations, change: "_Change", names: Sequence[str]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the derivatives of measurements by a parameter, those of the displacements (n, d),
-        and estimated errors of the former.
+    ) -> tuple["_Change", np.ndarray, np.ndarray]:
+        """Return the change of measurements by a parameter, the derivatives of the displacements
+        (n, d), and estimated errors of the former.
 
         Differences along the displacements found so far give the measurements, and the forces that
         are left. The next correction, under these forces, would change the measurements by about
@@ -366,7 +373,7 @@ class Differentiated:
             raise NotConverged(
                 "the linear equations of the tangent are not solved: it is nearly singular"
             )
-        return measured, moved, errors
+        return along, moved, errors
 
     def _adjoint(
         self,
@@ -421,10 +428,17 @@ class Differentiated:
         for column in np.flatnonzero(
             (errors > LEAST_EXACT * greatest).any(axis=0)
         ):  # the bound may far exceed the error
-            found[:, column], _, errors[:, column] = self._forward(
+            along, _, errors[:, column] = self._forward(
                 equations, self._change(parameters[column]), names
             )
+            found[:, column] = along.measured
         return found, errors
+
+    @property
+    def balanced(self) -> float:
+        """Residual of the equilibria that are differentiated."""
+        rounding = strain_rounding(self.system.body, self.system.positions)
+        return max(BALANCED, ROUNDED_STRAIN * self.contrast * rounding)
 
     @property
     def contrast(self) -> float:
@@ -454,8 +468,38 @@ class Differentiated:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements
         at places as the last ones; and the forces (n, d).
         """
-        forces = _forces(self.system, positions)[1]
-        return self._read(), forces
+        with self._remembering(self.system.force):
+            forces = _forces(self.system, positions)[1]
+            self._accepted()
+            return self._read(), forces
+
+    @contextmanager
+    def _remembering(
+        self, force: InternalForce, name: str = "", way: float = 0.0
+    ) -> Iterator[None]:
+        """Give a force the history at a parameter that is changed by `way`, until the end of a
+        ``with`` block, which may accept a state.
+        """
+        if self.history is None:
+            yield
+            return
+        own = self.system.force
+        elapsed = own.elapsed
+        begin = _history_of(own)
+        _remember(force, begin + way * self.history.get(name, 0.0), elapsed)
+        try:
+            yield
+        finally:
+            _remember(own, begin, elapsed)
+
+    def _accepted(self) -> np.ndarray:
+        """Add the state last evaluated to the history, and return this, flat; empty for a body
+        that does not remember.
+        """
+        if self.history is None:
+            return np.empty(0)
+        self.system.force.accept(self.system.positions)
+        return _history_of(self.system.force)
 
     def _read(self, costly: bool = True) -> dict[str, float]:
         """Return the measurements where the force was last evaluated, see `evaluated`; `costly`
@@ -499,7 +543,7 @@ class Differentiated:
         sizes: list[float] = []
 
         def state(way: float) -> np.ndarray:
-            with self._beside(name, value + way) as side:
+            with self._beside(name, value + way, way) as side:
                 loads = side.system.loads
                 loads.pushes[:] = system.loads.pushes + way * pushes
                 positions, forces = _forces(
@@ -508,21 +552,21 @@ class Differentiated:
                 )
                 sizes.append(float(np.linalg.norm(forces)))
                 pushed = loads.pushed(positions, loads.pushes)
-                found = positions, forces, pushed, side.values_of(names)
+                history = side._accepted()
+                found = positions, forces, pushed, side.values_of(names), history
                 return np.concatenate([each.ravel() for each in found])
 
         rates = central_difference(state, step, fine)
         system.place(system.positions)  # planes of reflection have moved
         size = system.positions.size
         shape = system.loads.pushes.shape
-        motion, forces, found, measured = np.split(
-            rates, np.cumsum([size, size, system.loads.pushes.size])
+        motion, forces, found, measured, history = np.split(
+            rates, np.cumsum([size, size, system.loads.pushes.size, len(names)])
         )
         motion = motion.reshape(system.positions.shape)
         forces = forces.reshape(system.positions.shape)
-        return _Change(
-            name, motion, forces, found.reshape(shape), measured, ROUNDED * max(sizes) / step
-        )
+        rounding = ROUNDED * max(sizes) / step
+        return _Change(name, motion, forces, found.reshape(shape), measured, history, rounding)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that
@@ -560,7 +604,9 @@ class Differentiated:
             scale = scale or laws_of(system.problem.scene)[owner.rpartition(".")[0]].shear_modulus
             step = min(STEP_OF_LAWS * scale, max(LEAST_STEP * scale, abs(value) / 2))
             return value + (np.copysign(step, value) if step > abs(value) / 2 else 0.0), step
-        of_law = array is None and owner.endswith("material")
+        laws = laws_of(system.problem.scene)
+        owner = next((key for key in laws if name.startswith(f"{key}.")), "")
+        of_law = bool(owner)
         change = STEP_OF_LAWS if of_law or (array is None and whole) else STEP
         if fine:
             change *= WIDER**2 if last == "bulk_modulus" else WIDER
@@ -573,7 +619,8 @@ class Differentiated:
                     else system.body.spacing
                 )
             )
-        law = laws_of(system.problem.scene)[owner]
+        law = laws[owner]
+        number = name.removeprefix(f"{owner}.")
         step = change * (scale or 1.0)
         for middle, width in (
             (value, step),
@@ -582,17 +629,17 @@ class Differentiated:
         ):
             with suppress(ValueError):
                 for side in (-width, width):
-                    with_numbers_of(law, {last: middle + side})
+                    with_numbers_of(law, {number: middle + side})
                 return middle, width
         raise ValueError(
-            f"parameters: {law.name} permits no change of {last} = {value:g}, so that there is no"
+            f"parameters: {law.name} permits no change of {number} = {value:g}, so that there is no"
             " derivative by it"
         )
 
     @contextmanager
-    def _beside(self, name: str, value: float) -> Iterator["Differentiated"]:
-        """Provide the scene with another value of one parameter, or of the loading parameter,
-        with the force of this one in the block.
+    def _beside(self, name: str, value: float, way: float) -> Iterator["Differentiated"]:
+        """Provide the scene with another value of one parameter, changed by `way`, or of the
+        loading parameter, with the force of this one in the block.
         """
         system = self.system
         problem = self.system.problem
@@ -606,7 +653,8 @@ class Differentiated:
         with system.lending_force(scene, models, at) as other:
             if self.control is not None:
                 other.loaded = system.loaded.beside(other.loaded)
-            yield replace(self, system=other)
+            with self._remembering(other.force, name, way):
+                yield replace(self, system=other)
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
         """Return the derivatives (n, d) of measurements by the positions of free components.
@@ -688,6 +736,20 @@ def differentiated(
     if places is not None:
         at_places, _ = fields_at(system.body, places, system.force.portion_of)
     return Differentiated(system, numbers_in(scene, models), at_places)
+
+
+def _history_of(force: InternalForce) -> np.ndarray:
+    """Return the history of a force, flat."""
+    return np.concatenate([values.ravel() for values in force.history.values()])
+
+
+def _remember(force: InternalForce, history: np.ndarray, elapsed: float) -> None:
+    """Give a force a flat history, and the time since then."""
+    at = 0
+    for values in force.history.values():
+        values[:] = history[at : at + values.size].reshape(values.shape)
+        at += values.size
+    force.elapse(elapsed)
 
 
 def _forces(system: System, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -673,6 +673,7 @@ optional = {"sklearn", "torch", "skorch", "matplotlib", "meshio"}
 loaded = optional & {*sys.modules}
 assert not loaded, loaded
 assert "crack" not in result.summary and "damage" not in result.states[0][1]
+assert "pdsurrogate.run.followed" not in sys.modules
 from pdsurrogate.kernels.damage import find_overstretched
 assert not find_overstretched
 """

@@ -182,12 +182,6 @@ def test_programs_without_the_time_that_branches_need_are_refused(changes, told)
         pds.simulate(scene_of(**changes), "bond-energy")
 
 
-def test_derivatives_are_refused_with_the_reason():
-    result = pds.simulate(scene_of(stretches=[1.1], times=[1.0]), "bond-energy")
-    with pytest.raises(ValueError, match="earlier states"):
-        result.sensitivity(["nominal_stress"], ["material.shear_modulus"])
-
-
 def test_a_scene_without_memory_takes_times_and_forgets_them():
     material = {"law": "neo-hookean"}
     timed, timeless = (

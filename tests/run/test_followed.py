@@ -1,0 +1,130 @@
+"""Derivatives through the history of bodies that remember."""
+
+import numpy as np
+import pytest
+from memory_references import Rubber
+
+import pdsurrogate as pds
+from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
+from pdsurrogate.materials.histories import stress_history
+from pdsurrogate.scenes.reading import apply_change, leaves
+
+SOFT = {"r": 1.5, "m": 0.1, "beta": 0.1}
+STRIP = {
+    "name": "strip",
+    "spacing": 0.25,
+    "horizon_ratio": 1.75,
+    "body": {"shape": "rectangle", "size": [1.0, 0.5]},
+    "grips": [
+        {"edge": "left", "holds": "normal"},
+        {"edge": "right", "holds": "normal", "travel": 1.0},
+    ],
+    "stretches": [1.15, 1.3, 1.3, 1.1],
+    "times": [0.25, 0.5, 2.0, 2.4],
+}
+TORN = {
+    "grips": [],
+    "stretches": [],
+    "times": [],
+    "spacing": 0.2,
+    "body": {"shape": "rectangle", "size": [1.6, 1.0]},
+    "holes": [{"shape": "circle", "center": [0.8, 0.5], "radius": 0.25}],
+    "prescribed": [
+        {"region": "left", "x1": 0.0, "x2": 0.0},
+        {
+            "region": "right",
+            "x1": 0.3,
+            "x2": 0.0,
+            "amplitude": [[0, 0], [0.7, 1], [1.4, 1], [2, 0.5]],
+        },
+    ],
+    "steps": [{"to": 2.0, "duration": 1.0, "outputs": 3}],
+    "probes": [{"name": "rim", "at": [0.8, 0.9]}],
+}
+CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
+
+
+def scene_of(branches, law="neo-hookean", softening=None, **changes):
+    material = {"law": law, "shear_modulus": 1.0, "branches": branches, "softening": softening}
+    return pds.Scene(**{**STRIP, "material": material, **changes})
+
+
+@pytest.mark.parametrize("softening", [None, SOFT])
+def test_derivatives_of_a_homogeneous_sheet_are_those_of_its_stress_history(softening):
+    """The history takes the same steps, so that differences over 1e-5 are exact to 1e-7."""
+    branches = [{"modulus": 1.0, "time": 1.0}, {"modulus": 0.3, "time": 0.2}]
+    scene = scene_of(branches, "gent", softening)
+    law, names = scene.law(), [name for name in numbers_of(scene.law()) if name != "bulk_modulus"]
+    result = pds.simulate(scene, "bond-energy")
+    found = result.sensitivity(["nominal_stress"], [f"material.{name}" for name in names])
+
+    def stress(name, value):
+        changed = with_numbers_of(law, {name: value})
+        program = [0.0, *scene.times], [1.0, *scene.stretches]
+        return stress_history(changed, "uniaxial", *program).nominal_stress[-1]
+
+    expected = [
+        (stress(name, value + step) - stress(name, value - step)) / (2 * step)
+        for name in names
+        for value, step in [(numbers_of(law)[name], 1e-5 * numbers_of(law)[name])]
+    ]
+    assert len(names) == 6 + 3 * bool(softening)
+    assert found.derivatives[0] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+
+
+def test_derivatives_are_those_of_an_integration_of_the_branch():
+    """A ramp and a hold in thirty steps, against SciPy at 1e-10; errors are those of the steps."""
+    times = [*np.linspace(0.05, 0.5, 10), *np.linspace(0.6, 2.5, 20)]
+    stretches = [*np.linspace(1.03, 1.3, 10), *[1.3] * 20]
+    result = pds.simulate(
+        scene_of([{"modulus": 1.0, "time": 1.0}], times=times, stretches=stretches), "bond-energy"
+    )
+    names = [f"material.branches.0.{key}" for key in ("modulus", "time")]
+    found = result.sensitivity(["nominal_stress"], names, 19)
+
+    def stress(modulus, time):
+        rubber = Rubber(branches=((modulus, time),))
+        return rubber.history("uniaxial", [0.0, 0.5, 2.5], [1.0, 1.3, 1.3], times)[19, 3]
+
+    h = 1e-3
+    expected = [
+        (stress(1 + h, 1) - stress(1 - h, 1)) / (2 * h),
+        (stress(1, 1 + h) - stress(1, 1 - h)) / (2 * h),
+    ]
+    assert found.derivatives[0] == pytest.approx(expected, rel=3e-3)
+
+
+def test_derivatives_of_a_body_with_a_hole_are_those_of_converged_runs():
+    """Forces, a probe and what was dissipated, while the body is pulled, held and let go."""
+    scene = scene_of([{"modulus": 1.0, "time": 1.0}], softening=SOFT, **TORN)
+    outputs = ["forces.right.0", "probes.rim.u2", "dissipated_energy"]
+    parameters = [
+        "material.branches.0.time",
+        "material.softening.r",
+        "prescribed.1.x1",
+    ]
+    found = pds.simulate(scene, "bond-energy").sensitivity(outputs, parameters)
+    for column, parameter in zip(found.derivatives.T, parameters, strict=True):
+        rows = []
+        data = scene.model_dump(mode="json")
+        value = dict(leaves(data))[parameter]
+        for sign in (1, -1):
+            for key, number in (CONVERGED | {parameter: value * (1 + 1e-4 * sign)}).items():
+                apply_change(data, key, number)
+            level = pds.simulate(pds.Scene.model_validate(data), "bond-energy").levels[-1]
+            rows.append(np.array([dict(leaves(level))[name] for name in found.outputs]))
+        expected = (rows[0] - rows[1]) / (2e-4 * value)
+        assert column == pytest.approx(expected, abs=1e-6 * np.abs(expected).max()), parameter
+
+
+@pytest.mark.parametrize(
+    ("changes", "parameter", "words"),
+    [
+        ({}, "stretch", "stretch changes with time, and with branches or softening"),
+        ({}, "material.branches.1.time", "there is no number 'material.branches.1.time'"),
+    ],
+)
+def test_what_has_no_derivative_is_refused(changes, parameter, words):
+    result = pds.simulate(scene_of([{"modulus": 1.0, "time": 1.0}], **changes), "bond-energy")
+    with pytest.raises(ValueError, match=words):
+        result.sensitivity(["nominal_stress"], [parameter])
