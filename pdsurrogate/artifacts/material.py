@@ -126,7 +126,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             stacklevel=3,
         )
         model = load_surrogate("bond-energy")
-    return with_measured(scene, card, _unit_of_stress(card, scene)), model
+    return with_measured(scene, card, _unit_of_stress), model
 
 
 def _rates(scene: Scene) -> tuple[float, float] | None:

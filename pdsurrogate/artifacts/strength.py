@@ -1,11 +1,13 @@
 """Strength and tearing energy on the card of an artifact, for scenes that leave them to it."""
 
+from collections.abc import Callable
 from typing import TypeVar
 
 from ..scenes import Scene, SceneError
-from ..scenes.loading_checks import left_to_artifact
+from ..scenes.loading_checks import criteria_of
 from ..scenes.model import Criterion
 from ..scenes.reading import apply_change
+from ..scenes.strict_model import left_to_artifact
 from .card import Card, IdentificationEntries
 from .store import load_card
 
@@ -23,19 +25,19 @@ MEANS = {
 Given = TypeVar("Given", bound=Criterion)
 
 
-def with_measured(scene: Scene, card: Card, stress: float) -> Scene:
+def with_measured(scene: Scene, card: Card, stress_of: Callable[[Card, Scene], float]) -> Scene:
     """Return a scene in whose criteria of fracture the means of the tests behind an artifact
     replace ``"artifact"``: for the rest of the body those of `card`, for an entry of `materials`
     those of the artifact that it names as its force.
 
-    `stress` is the unit of stress of the card in that of the scene.
+    `stress_of` returns the unit of stress of a card in that of a scene.
 
     Raises
     ------
     SceneError
         If a card does not have them, or the unit of length is not known; the message names the key.
     """
-    if scene.fracture is None:
+    if scene.fracture is None or not any(map(left_to_artifact, criteria_of(scene).values())):
         return scene
     parts = tuple(
         part
@@ -45,21 +47,27 @@ def with_measured(scene: Scene, card: Card, stress: float) -> Scene:
                 "fracture": _filled(
                     part.fracture,
                     load_card(part.force),
-                    (scene, f"materials.{number}.fracture", stress),
+                    (scene, f"materials.{number}.fracture"),
+                    stress_of,
                 )
             }
         )
         for number, part in enumerate(scene.materials)
     )
-    rest = _filled(scene.fracture, card, (scene, "fracture", stress))
+    rest = _filled(scene.fracture, card, (scene, "fracture"), stress_of)
     return scene.model_copy(update={"fracture": rest, "materials": parts})
 
 
-def _filled(given: Given, card: Card, place: tuple[Scene, str, float]) -> Given:
+def _filled(
+    given: Given,
+    card: Card,
+    place: tuple[Scene, str],
+    stress_of: Callable[[Card, Scene], float],
+) -> Given:
     """Return a criterion with the numbers on a card in the units of a scene; `place` are the
-    scene, the key of the criterion, and the unit of stress.
+    scene and the key of the criterion.
     """
-    scene, key, stress = place
+    scene, key = place
     left = left_to_artifact(given)
     if not left:
         return given
@@ -70,7 +78,7 @@ def _filled(given: Given, card: Card, place: tuple[Scene, str, float]) -> Given:
     try:
         for name in left:
             number = _energy(tests, scene.units.length) if name == "energy" else _mean(tests, name)
-            unit = stress if name in ("energy", "strength.uniaxial") else 1.0
+            unit = stress_of(card, scene) if name in ("energy", "strength.uniaxial") else 1.0
             apply_change(data, name, number * unit)
     except ValueError as error:
         raise SceneError(

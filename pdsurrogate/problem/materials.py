@@ -15,8 +15,9 @@ from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, MaterialPart
 from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
-from ..scenes.loading_checks import criteria_give, criteria_of, left_to_artifact
+from ..scenes.loading_checks import criteria_give, criteria_of
 from ..scenes.regions import label_of_region
+from ..scenes.strict_model import left_to_artifact
 from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions
 

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
+from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.tearing import stretch_at
+from ..scenes.strength import Scatter
 
 INTERPOLATED = 40
 """States in uniaxial tension between which works at break are interpolated. Chosen: an error below
@@ -65,22 +67,44 @@ def strength_factors(
     return (-number_in_specimen * np.log1p(-drawn)) ** (1 / modulus) / mean
 
 
-def works_at_break(law: Law, stress: float, factors: np.ndarray) -> np.ndarray:
-    """Return the energies per volume at which uniaxial tension reaches the nominal stress `stress`
-    times each of the `factors`, shape (n,).
-
-    Raise ValueError if the law does not reach one of the stresses.
+def random_works(
+    scatter: Scatter, law: Law, stress: float, whole: Body, places: np.ndarray
+) -> np.ndarray:
+    """Return the works at break at places of a body, shape (n,), for a mean nominal stress at
+    break; raise ValueError for a correlation length below the spacing, or above the specimens, and
+    for stresses that the law does not reach.
     """
-    ends = [
+    if scatter.length < whole.spacing:
+        raise ValueError(
+            f"length must be at least the spacing, {whole.spacing:g}, not {scatter.length:g}"
+        )
+    if math.prod(scatter.specimen) < scatter.length**whole.dimension:
+        raise ValueError(
+            "specimen must be as large as one square or cube of the correlation length at least"
+        )
+    lowest = whole.points.min(axis=0) - whole.spacing / 2
+    given = scatter.length, scatter.modulus, scatter.specimen, scatter.seed
+    every = strength_factors(whole.points, lowest, *given)
+    ends = float(every.min()), float(every.max())
+    return works_at_break(law, stress, strength_factors(places, lowest, *given), ends)
+
+
+def works_at_break(
+    law: Law, stress: float, factors: np.ndarray, ends: tuple[float, float]
+) -> np.ndarray:
+    """Return the energies per volume at which uniaxial tension reaches the nominal stress `stress`
+    times each of the `factors`, shape (n,), all between `ends`.
+    """
+    least, greatest = (
         stretch_at(
             law,
             lambda one: homogeneous.uniaxial(law, one).nominal_stress,
-            stress * float(factor),
+            stress * factor,
             "the greatest of the random strengths",
         )
-        for factor in (factors.min(), factors.max())
-    ]
-    states = [homogeneous.uniaxial(law, one) for one in np.linspace(*ends, INTERPOLATED)]
+        for factor in ends
+    )
+    states = [homogeneous.uniaxial(law, one) for one in np.linspace(least, greatest, INTERPOLATED)]
     stresses = [one.nominal_stress for one in states]
     energies = [one.energy_density for one in states]
     return scipy.interpolate.pchip_interpolate(stresses, energies, stress * factors)

@@ -97,6 +97,9 @@ class Strengths:
     zones : list of Zone
     works : ndarray, shape (n,)
         Work at break of every point's own material, infinite where it has no strength.
+    least : ndarray, shape (n,)
+        Share of this work that the mean over the disc around a point must reach: 1 unless strengths
+        are random.
     inside : callable
         ``inside(places)`` returns flags of the places (k, d) that lie in the body.
     summary : list of dict
@@ -118,6 +121,7 @@ class Strengths:
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.inside = partial(contained, scene, whole)
         self.works = np.full(len(body), np.inf)
+        self.least = np.ones(len(body))
         self.zones = list[Zone]()
         clamped = clamped_distances(body, loading)
         ends = np.sort(ends_of_pairs(body, of_points))
@@ -154,6 +158,16 @@ class Strengths:
                 (within, ~across, True),
             )
             self.works[within] = zone.work
+            if given.strength.scatter is not None:
+                from .random_strength import random_works
+
+                try:
+                    works = random_works(
+                        given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
+                    )
+                except ValueError as error:
+                    raise ValueError(f"{key}.strength.scatter: {error}") from None
+                self.least[within] = works / zone.work
         self.summary = [
             {
                 "of": zone.name,
@@ -190,7 +204,8 @@ class Strengths:
         """
         body, plane, clamped = where
         strength = given.strength
-        assert strength is not None and given.energy is not None  # asked about only then
+        assert strength is not None  # asked about only then
+        assert given.energy is not None  # needed beside a strength
         try:
             if law.memory:
                 raise ValueError(

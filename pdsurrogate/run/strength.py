@@ -89,17 +89,18 @@ class Discs:
         body = self._body
         share = body.share
         ratios = energy / (self._strengths.works if zone.of_points else zone.work)
-        hot = np.flatnonzero(zone.centers & share.own & (ratios >= 1))
+        least = self._strengths.least if zone.of_points else np.ones(len(body))
+        hot = np.flatnonzero(zone.centers & share.own & (ratios >= least))
         if not share.any(len(hot) > 0):
             return []
-        numbers, centers = (
+        numbers, centers, least = (
             np.concatenate(share.everywhere(rows))
-            for rows in (share.numbers[hot], body.points[hot])
+            for rows in (share.numbers[hot], body.points[hot], least[hot])
         )
         order = np.argsort(numbers)
         numbers = numbers[order]
         centers = centers[order]
-        means = self._means(zone, centers, ratios)
+        means = self._means(zone, centers, ratios) / least[order]
         found = []
         waiting = means < 1
         for disc in np.lexsort((numbers, -means)):

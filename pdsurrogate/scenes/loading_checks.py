@@ -9,9 +9,7 @@ from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .loading import controlled_place
 from .model import Criterion, SceneData, entries_of
-from .reading import leaves
 from .regions import FACES, label_of_region
-from .strict_model import ARTIFACT
 from .tip_diameter import tip_diameters_in
 
 MOST_INCREMENTS = 100_000
@@ -181,12 +179,6 @@ def criteria_of(scene: SceneData) -> dict[str, Criterion]:
 def criteria_give(scene: SceneData, key: str) -> bool:
     """Return whether a scene gives the "energy" or "strength" of a material or an interface."""
     return any(getattr(one, key) is not None for one in criteria_of(scene).values())
-
-
-def left_to_artifact(criterion: Criterion) -> list[str]:
-    """Return the keys of the numbers of a criterion that the tests behind an artifact determine."""
-    numbers = criterion.model_dump(exclude={"between", "interfaces"})
-    return [key for key, value in leaves(numbers) if value == ARTIFACT]
 
 
 def _fracture(scene: SceneData) -> None:

@@ -277,6 +277,11 @@ class InterfaceFracture(Criterion):
 
     between: tuple[str, str]
 
+    def model_post_init(self, context: Any) -> None:
+        super().model_post_init(context)
+        if self.strength is not None and self.strength.scatter is not None:
+            raise ValueError("strength.scatter is one of materials, not of an interface")
+
 
 class Fracture(Criterion):
     """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.

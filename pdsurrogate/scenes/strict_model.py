@@ -128,6 +128,17 @@ class StrictModel(BaseModel, metaclass=_PartType):
             raise Problems(error, cls) from None
 
 
+def left_to_artifact(part: StrictModel, key: str = "") -> list[str]:
+    """Return the keys of the numbers of a part that the tests behind an artifact determine."""
+    found = []
+    for name, value in part:
+        if isinstance(value, StrictModel):
+            found += left_to_artifact(value, f"{key}{name}.")
+        elif value == ARTIFACT:
+            found.append(f"{key}{name}")
+    return found
+
+
 def the_one(part: StrictModel, names: Iterable[str]) -> str:
     """Return which one of some fields a part of a scene has; raise ValueError unless it is one."""
     keys = {name: type(part).model_fields[name].alias or name for name in names}
