@@ -19,6 +19,7 @@ from ..scenes.loading_checks import names_of_materials
 from ..scenes.model import Criterion
 from ..solvers.conditions import Loading
 from .fracture import ends_of_pairs
+from .random_strength import random_works
 
 logger = logging.getLogger(__name__)
 
@@ -159,8 +160,6 @@ class Strengths:
             )
             self.works[within] = zone.work
             if given.strength.scatter is not None:
-                from .random_strength import random_works
-
                 try:
                     works = random_works(
                         given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
