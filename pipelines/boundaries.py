@@ -16,11 +16,10 @@ bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from cases import Case, Errors, at_spacings, percent, report
+from cases import Case, at_spacings, percent, report
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
@@ -30,7 +29,7 @@ RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 ENERGY = "bond-energy"
 
 
-def ran(force=ENERGY, **keys) -> tuple[pds.Result, dict, int]:
+def ran(force=ENERGY, **keys):
     """Run a scene of given keys; return the result, its last output and the number of force
     evaluations.
     """
@@ -44,7 +43,7 @@ RING = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle"
 HELD = {"x1": 0.0, "x2": 0.0}
 
 
-def bushing(spacing: float) -> Errors:
+def bushing(spacing):
     """The torque is 4 pi mu times the angle over 1/1 - 1/4 (incompressible; FE at K = 100 agree
     to 0.003 %).
     """
@@ -64,7 +63,7 @@ def bushing(spacing: float) -> Errors:
     yield "force", percent(level["forces"]["holes"][0], 21.79), count
 
 
-def rigid_bushing(spacing: float) -> Errors:
+def rigid_bushing(spacing):
     """References as of `bushing`."""
     keys = {
         "plane": "strain",
@@ -83,7 +82,7 @@ def rigid_bushing(spacing: float) -> Errors:
     yield "force", percent(-level["rigid"]["core"]["force"][0], 21.79), count
 
 
-def simple_shear(spacing: float) -> Errors:
+def simple_shear(spacing):
     """FE: 0.8600 and 0.1146."""
     held = [{"region": "bottom", **HELD}, {"region": "top", "x1": 0.5, "x2": 0.0}]
     _, level, count = ran(
@@ -93,7 +92,7 @@ def simple_shear(spacing: float) -> Errors:
     yield "normal force", percent(level["forces"]["top"][1], 0.1146), count
 
 
-def cylinder(spacing: float) -> Errors:
+def cylinder(spacing):
     """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius
     (incompressible).
     """
@@ -124,9 +123,9 @@ changing its width, which makes the bar 2.2 % stiffer.
 
 
 def bent_bar(
-    spacing: float,
+    spacing,
     kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")),
-) -> Errors:
+):
     """A traction under which Timoshenko's beam moves by 0.04 at its end."""
     young, thickness, length = 900 / 301, 0.2, 2.0
     traction = (
@@ -157,7 +156,7 @@ def bent_bar(
         yield name, percent(level["probes"]["tip"]["displacement"][1], BAR[d]), count
 
 
-def square(spacing: float, plane: str, arrangement: str = "lattice") -> Errors:
+def square(spacing, plane, arrangement="lattice"):
     """Displacement of the edge of a square under a dead traction of 0.5 on all sides, one
     quarter of it; closed.
     """
@@ -171,7 +170,7 @@ def square(spacing: float, plane: str, arrangement: str = "lattice") -> Errors:
         },
     )
 
-    def off(stretch: float) -> float:
+    def off(stretch):
         out = (
             1.0
             if plane == "strain"
@@ -221,7 +220,7 @@ FE, last change 4e-6.
 """
 
 
-def eccentric_ring(spacing: float) -> Errors:
+def eccentric_ring(spacing):
     """Of the hole's displacement, the greatest deviation on its boundary over the greatest
     displacement.
     """
@@ -248,7 +247,7 @@ def eccentric_ring(spacing: float) -> Errors:
         yield name, 100 * float(off.max() / np.linalg.norm(AROUND, axis=1).max()), count
 
 
-def disc(spacing: float) -> Errors:
+def disc(spacing):
     """FE: force 1.17143 and displacement 0.04748 of the edge beside the disc; last change 0.001
     and 0.06 %.
     """
@@ -275,16 +274,14 @@ def disc(spacing: float) -> Errors:
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][1], -0.04748), count
 
 
-def nominal(
-    along: np.ndarray, across: np.ndarray, out: np.ndarray, bulk_modulus: float = 100.0
-) -> np.ndarray:
+def nominal(along, across, out, bulk_modulus=100.0):
     """Nominal stress along the first of three principal stretches."""
     J = along * across * out
     trace, volume = along**2 + across**2 + out**2, bulk_modulus / 4 * (J - 1 / J) * (1 + J**-2) * J
     return (J ** (-2 / 3) * (along**2 - trace / 3) + volume) / along
 
 
-def inflated(pressure: float, inner: float, hoops: int, out_of: Callable, bulk_modulus=100.0):
+def inflated(pressure, inner, hoops, out_of, bulk_modulus=100.0):
     """Equilibrium of a ring (one hoop stretch) or sphere (two) of radii `inner` and twice that
     under pressure on its deformed inner surface: the radius and the radial nominal stress as a
     function of the undeformed radius, and the radial stretch of stress and hoop stretch.
@@ -292,7 +289,7 @@ def inflated(pressure: float, inner: float, hoops: int, out_of: Callable, bulk_m
     `out_of` gives the third stretch of radial and hoop stretch.
     """
 
-    def along_of(stress: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def along_of(stress, across):
         def excess(along):
             return nominal(along, across, out_of(along, across), bulk_modulus) - stress
 
@@ -302,7 +299,7 @@ def inflated(pressure: float, inner: float, hoops: int, out_of: Callable, bulk_m
             along = along - excess(along) / slope
         return along
 
-    def slopes(R: np.ndarray, state: np.ndarray) -> np.ndarray:
+    def slopes(R, state):
         across = state[0] / R
         along = along_of(state[1], across)
         hoop = nominal(across, along, out_of(along, across), bulk_modulus)
@@ -322,16 +319,14 @@ def inflated(pressure: float, inner: float, hoops: int, out_of: Callable, bulk_m
     return found.sol, along_of
 
 
-def ring_states(
-    pressure: float, plane: str
-) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def ring_states(pressure, plane):
     """Principal stretches and nominal stresses, shape (n, 3) each, by radius, in a ring of radii 1
     and 2 under inner pressure.
 
     Radial, circumferential, out of the plane. The pressure acts on the undeformed thickness.
     """
 
-    def out_of(along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def out_of(along, across):
         out = np.ones_like(along)
         for _ in range(20 if plane == "stress" else 0):
             slope = (nominal(out + 1e-6, along, across) - nominal(out - 1e-6, along, across)) / 2e-6
@@ -340,7 +335,7 @@ def ring_states(
 
     found, along_of = inflated(pressure, 1.0, 1, out_of)
 
-    def states(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def states(radius):
         r, stress = found(radius)
         along = along_of(stress, r / radius)
         stretches = np.array([along, r / radius, out_of(along, r / radius)])
@@ -350,7 +345,7 @@ def ring_states(
     return states
 
 
-def edges(plane: str, spacing: float) -> Errors:
+def edges(plane, spacing):
     """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P
     of the ring: the radial equation.
     """

@@ -39,7 +39,7 @@ LAW = pds.materials.Ogden()
 SAMPLES = 2000
 
 
-def module() -> torch.nn.Sequential:
+def module():
     """A network of torch in double precision, as the samples are."""
     layers = [
         torch.nn.Linear(2, 24),
@@ -51,7 +51,7 @@ def module() -> torch.nn.Sequential:
     return torch.nn.Sequential(*layers).double()
 
 
-def regressors() -> dict[str, object]:
+def regressors():
     """What a user might bring, by a name."""
 
     def network(activation, hidden=(16, 16)):
@@ -95,19 +95,19 @@ def regressors() -> dict[str, object]:
     }
 
 
-def stress_error(force) -> float:
+def stress_error(force):
     """Relative error of the nominal stress in the scene uniaxial at a stretch of 2."""
     scene = pds.load_scene("uniaxial", spacing=0.05, stretches=2.0, material=LAW.describe())
     return pds.simulate(scene, force).levels[0]["nominal_stress_error"]
 
 
-def least_slope(force) -> float:
+def least_slope(force):
     """Of the normal force by the stretch of a bond, in states of plane stress from 0.5 to 4."""
     states = pds.training_samples(LAW, 10_000, off_surface=0, random_state=1_000_003).X
     return float(stiffness_slopes(force, states).min())
 
 
-def compared(name: str):
+def compared(name):
     """A regressor that is fitted, stored and run."""
     samples, regressor = pds.training_samples(LAW, SAMPLES, random_state=0), regressors()[name]
     began = time.perf_counter()
@@ -126,7 +126,7 @@ def compared(name: str):
     yield name, seconds, taken, *errors, *figures, cost["ns_per_directed_bond_1"]
 
 
-def search(features: str):
+def search(features):
     """A grid search over widths."""
     samples = pds.training_samples(LAW, 2000, random_state=0)
     network = pds.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
@@ -154,7 +154,7 @@ PARTS = {
 """What is fitted; what is left out is asked for, or what was fitted where that is all."""
 
 
-def foretold(model: str):
+def foretold(model):
     """Kawabata's biaxial grid foretold from parts of it: R^2, and errors within 5 %."""
     found = pds.identification.EnergyRegressor()
     if model != ENERGY:

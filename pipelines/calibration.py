@@ -31,7 +31,7 @@ FORCE_NOISE = 0.005
 """Standard deviation of the forces, relative to each."""
 
 
-def scene(spacing: float) -> pds.Scene:
+def scene(spacing):
     holes = [
         {"shape": "circle", "center": [0.7, 1.9], "radius": 0.4},
         {"shape": "circle", "center": [1.4, 1.0], "radius": 0.25},
@@ -49,7 +49,7 @@ def scene(spacing: float) -> pds.Scene:
     )
 
 
-def measurements(law: str, noise: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def measurements(law, noise, seed):
     """Table, values with noise, and standard deviations."""
     places, u, forces = (
         DATA["places"],
@@ -65,7 +65,7 @@ def measurements(law: str, noise: float, seed: int) -> tuple[np.ndarray, np.ndar
     return X, exact + deviation * np.random.default_rng(seed).standard_normal(len(X)), deviation
 
 
-def states() -> np.ndarray:
+def states():
     """Uniaxial, equibiaxial and pure shear up to a stretch of 2."""
     stretches = np.linspace(1.1, 2.0, 10)
     return np.vstack(
@@ -73,7 +73,7 @@ def states() -> np.ndarray:
     )
 
 
-def calibrated(what: str, fitted: str, noise: float, spacing: float, refine: int):
+def calibrated(what, fitted, noise, spacing, refine):
     """Gent's law from fields and forces, or from forces alone; the first corrected one is drawn."""
     X, y, deviation = measurements("gent", noise, seed=1)
     chosen = np.full(len(y), True) if fitted == "fields" else X[:, 1] == 0
@@ -90,7 +90,7 @@ def calibrated(what: str, fitted: str, noise: float, spacing: float, refine: int
     yield what, *cells, 100 * np.sqrt((off**2).mean()), 100 * within, model.lack_of_fit_
 
 
-def without_a_law(law: str, noise: float):
+def without_a_law(law, noise):
     """Energies without a law: errors of stresses in unseen tests by mode."""
     X, y, deviation = measurements(law, noise, seed=1)
     began, exact = time.process_time(), DATA[f"{law}_stresses"]

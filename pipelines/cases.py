@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from pages import FIGURES, markdown_table, replace_block
 
@@ -43,9 +42,7 @@ class Study:
     tables: Mapping[str, Callable[[Figures], str]]
 
 
-def of_rows(
-    name: str, measure: Callable[..., Iterable], cases: Iterable[tuple], *columns: str
-) -> Study:
+def of_rows(name, measure, cases, *columns):
     """A study of one table: `measure` takes the parameters of a case and gives its rows, and
     `columns` are titles, with a format after a colon. The name of a case has its
     texts and numbers.
@@ -58,27 +55,27 @@ def of_rows(
     }
     titles, _, forms = zip(*(column.partition(": ") for column in columns), strict=True)
 
-    def table(figures: Figures) -> str:
+    def table(figures):
         rows = [row for rows in figures.values() for row in rows]
         return markdown_table(list(titles), [list(map(shown, row, forms)) for row in rows])
 
     return Study(name, named, {name: table})
 
 
-def shown(value: Any, form: str) -> str:
+def shown(value, form):
     """A figure in the format of its column; of several each, and a dash for none."""
     if isinstance(value, list):
         return " / ".join(shown(one, form) for one in value)
     return "-" if value is None else value if isinstance(value, str) else format(value, form)
 
 
-def stored(name: str) -> dict[str, list]:
+def stored(name):
     """Figures of a study that were measured so far."""
     path = FIGURES / f"{name}.json"
     return json.loads(path.read_text("utf-8")) if path.exists() else {}
 
 
-def rounded(value: Any) -> Any:
+def rounded(value):
     """A figure, or what contains some, with six digits as JSON has it."""
     if isinstance(value, dict):
         return {key: rounded(one) for key, one in value.items()}
@@ -87,7 +84,7 @@ def rounded(value: Any) -> Any:
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
-def report(told: str, *studies: Study) -> None:
+def report(told, *studies):
     """Measure the cases that the command line names, or all; with ``--docs`` write the tables of
     all stored figures, and without names measure none. `told` is the docstring of the script.
     """
@@ -112,7 +109,7 @@ def report(told: str, *studies: Study) -> None:
             write_tables(study)
 
 
-def measure(study: Study, case: str) -> None:
+def measure(study, case):
     """Measure a case, print and store its figures; those of a case that fails stay as they are."""
     name, began = f"{study.name}: {case}", time.perf_counter()
     try:
@@ -126,7 +123,7 @@ def measure(study: Study, case: str) -> None:
     write_json(FIGURES / f"{study.name}.json", found)
 
 
-def write_tables(study: Study) -> None:
+def write_tables(study):
     """Put the tables of all stored figures into the documentation."""
     for name, table in study.tables.items():
         replace_block(name, table(stored(study.name)))
@@ -157,18 +154,18 @@ class Case:
     title: str = ""
 
 
-def percent(found: float, expected: float) -> float:
+def percent(found, expected):
     """By how much a value is off."""
     return 100 * (found / expected - 1)
 
 
-def plane_strain_modulus(shear_modulus: float, bulk_modulus: float) -> float:
+def plane_strain_modulus(shear_modulus, bulk_modulus):
     """E / (1 - nu^2), with Young's modulus E and Poisson's ratio nu, of linear elasticity."""
     stiffness = 3 * bulk_modulus + shear_modulus
     return 4 * shear_modulus * stiffness / (stiffness + 3 * shear_modulus)
 
 
-def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
+def at_spacings(name, cases):
     """A study of errors: a row of its table has those of a quantity at all spacings of a case."""
     named = {
         f"{title}, spacing {spacing:.4g}": partial(case.measure, spacing)
@@ -176,7 +173,7 @@ def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
         for spacing in case.spacings
     }
 
-    def table(figures: Figures) -> str:
+    def table(figures):
         lines = []
         for title, case in cases.items():
             spacings = [f"{spacing:.4g}" for spacing in case.spacings]
@@ -200,6 +197,6 @@ def at_spacings(name: str, cases: Mapping[str, Case]) -> Study:
     return Study(name, named, {name: table})
 
 
-def error_in_words(value: float) -> str:
+def error_in_words(value):
     """An error, with few digits where it is small."""
     return f"{value:+.2f}" if abs(value) >= 0.005 or not value else f"{value:+.0e}"

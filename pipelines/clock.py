@@ -11,17 +11,17 @@ from threadpoolctl import threadpool_limits
 from pdsurrogate.body import Body
 from pdsurrogate.engine.threads import most_threads, thread_count
 from pdsurrogate.forces import ForceModel, ForceSettings
-from pdsurrogate.materials import Law, homogeneous
+from pdsurrogate.materials import homogeneous
 
 
-def sheet() -> Body:
+def sheet():
     """Return the body on which the speed of models is measured: the sheet of the paper's section
     6.2, with 7,500 points.
     """
     return Body.rectangle(3.0, 1.0, 0.02, 0.063)
 
 
-def bench_positions(body: Body, law: Law) -> np.ndarray:
+def bench_positions(body, law):
     """Return positions of a body's points, shape (n, 2), in uniaxial tension to stretch 2, with
     waves that make bond states differ.
     """
@@ -52,7 +52,7 @@ class TimedModel:
     changes: tuple[str, ...] = ()
 
 
-def measure_speed(cases: list[TimedModel], law: Law, turns: int = 40) -> list[dict]:
+def measure_speed(cases, law, turns=40):
     """Nanoseconds per directed bond of an evaluation, on one thread and on all, of bodies of a law:
     ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``.
 
@@ -76,7 +76,7 @@ def measure_speed(cases: list[TimedModel], law: Law, turns: int = 40) -> list[di
     return [dict(zip(keys, row, strict=True)) for row in least.tolist()]
 
 
-def _bound(case: TimedModel, law: Law) -> partial:
+def _bound(case, law):
     """An evaluation of a force model."""
     force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
     return partial(force, bench_positions(case.body, law), np.empty_like(case.body.points))

@@ -10,7 +10,7 @@ from functools import cache, partial
 
 import matplotlib
 import numpy as np
-from cases import Figures, Study, of_rows, report
+from cases import Study, of_rows, report
 from clock import TimedModel, measure_speed, sheet
 from matplotlib.figure import Figure
 from pages import FIGURES
@@ -27,21 +27,21 @@ SAMPLES = 20_000
 """Number of states at which errors are measured."""
 
 
-def fitted(regressor, features: str, *drawn, **more) -> pds.forces.ForceModel:
+def fitted(regressor, features, *drawn, **more):
     """A surrogate of the law."""
     samples = learning.training_samples(LAW, *drawn, random_state=0, **more)
     model = learning.surrogate_pipeline(regressor, features).fit(samples.X, samples.y)
     return learning.surrogate_of(model, LAW, samples)
 
 
-def network(features: str, units: int) -> pds.forces.ForceModel:
+def network(features, units):
     """A network for the bond force."""
     rounds = {"max_iter": 600, "n_iter_no_change": 100, "random_state": 0}
     regressor = learning.LevenbergMarquardtRegressor((units,), "algebraic", **rounds)
     return fitted(regressor, features, 8000, REACH)
 
 
-def energy() -> pds.forces.ForceModel:
+def energy():
     """A network for the energy."""
     regressor, target = learning.SobolevRegressor(12, max_iter=1000, random_state=0), "sheet-energy"
     stretches = learning.reachable_stretches(LAW, (0.5, 5.0))
@@ -73,12 +73,12 @@ CASES += [(name, "float32") for name in MODELS if name not in FORCES]
 
 
 @cache
-def model_of(name: str) -> pds.forces.ForceModel:
+def model_of(name):
     """A model that serves both precisions."""
     return MODELS[name]()
 
 
-def errors_of(model: pds.forces.ForceModel, precision: str) -> list[float | None]:
+def errors_of(model, precision):
     """Relative errors of a learned model against the exact law, of the compiled kernel in its own
     precision: RMS at states of plane stress and at others, and greatest there; and the least slope
     of the force by the bond stretch. None for what a model has not.
@@ -103,7 +103,7 @@ def errors_of(model: pds.forces.ForceModel, precision: str) -> list[float | None
     return [*errors, slope]
 
 
-def of_scene(model: pds.forces.ForceModel, *changes: str) -> list[float | None]:
+def of_scene(model, *changes):
     """Greatest errors (%) and cost of the paper's section 6.2; None if it fails."""
     try:
         result = pds.simulate(pds.load_scene("uniaxial", changes), model)
@@ -117,7 +117,7 @@ def of_scene(model: pds.forces.ForceModel, *changes: str) -> list[float | None]:
     return [*errors, result.summary["n_force_evaluations"], seconds]
 
 
-def compared(name: str, precision: str):
+def compared(name, precision):
     """Cost, errors and a run of a model."""
     model = model_of(name)
     # Its domain is too small for the scene (theory, section 5): as in the paper, it is also
@@ -147,7 +147,7 @@ STUDY = of_rows(
 )
 
 
-def drawn(figures: Figures) -> str:
+def drawn(figures):
     """The table, and the figure: RMS force errors at states that do not satisfy plane stress,
     against the cost; a model without a measured error is a vertical line at its cost.
     """

@@ -14,7 +14,7 @@ import warnings
 from functools import partial
 
 import numpy as np
-from cases import Figures, Study, report
+from cases import Study, report
 from pages import markdown_table
 from tip_diameters import ENERGY, LONG, PRECUT, cases, law_of, layers_of, repeated, strip
 
@@ -58,14 +58,12 @@ left out.
 OUTPUTS = 120
 
 
-def advance_of(case: dict) -> int:
+def advance_of(case):
     """Advance of the crack in spacings."""
     return round(ADVANCE[case["plane"]] * case["rows"])
 
 
-def scene_of(
-    case: dict, travels: tuple[float, float] | None = None, **dynamics: float
-) -> pds.Scene:
+def scene_of(case, travels=None, **dynamics):
     """The strip with more outputs than for a diameter, other travels between which its dynamics
     last, and other settings of them.
     """
@@ -92,7 +90,7 @@ class TooShort(ValueError):
     """The crack has not passed the length along which it is measured."""
 
 
-def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: float) -> dict:
+def torn(case, travels=None, **dynamics):
     """Figures of one tear: direction, energies per length over G, G at the peak."""
     began, scene = time.process_time(), scene_of(case, travels, **dynamics)
     with warnings.catch_warnings():
@@ -136,7 +134,7 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
         * (layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0)
     )
 
-    def per_area(*keys: str) -> float:
+    def per_area(*keys):
         """Increase of energies between both ends, per area of the crack."""
         totals = np.interp(
             [level["time"] for level in levels],
@@ -158,7 +156,7 @@ def torn(case: dict, travels: tuple[float, float] | None = None, **dynamics: flo
     }
 
 
-def tried(case: dict):
+def tried(case):
     """A case with the figures of its tear: an unstable one is repeated with shorter time steps, a
     short one with wider travels.
     """
@@ -168,12 +166,12 @@ def tried(case: dict):
         yield case | torn(case, WIDER)
 
 
-def rms(values: np.ndarray) -> float:
+def rms(values):
     """Root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def deviating(values: np.ndarray, figures: str) -> str:
+def deviating(values, figures):
     """Mean and its standard error, for one value the value alone."""
     error = (
         f" ± {np.std(values, ddof=1) / np.sqrt(len(values)):{figures}}" if len(values) > 1 else ""
@@ -181,7 +179,7 @@ def deviating(values: np.ndarray, figures: str) -> str:
     return f"{np.mean(values):{figures}}{error}"
 
 
-def prescribed(tear: dict) -> float:
+def prescribed(tear):
     """The `fracture.energy` for which the package chooses the critical stretch of a tear in the
     plane; 1 for solids.
     """
@@ -196,7 +194,7 @@ def prescribed(tear: dict) -> float:
     )
 
 
-def row_of(label: str, tears: list[dict]) -> list[str]:
+def row_of(label, tears):
     """Figures of several tears, to be averaged."""
     directions, units = (
         np.array([tear["direction"] for tear in tears]),
@@ -214,7 +212,7 @@ def row_of(label: str, tears: list[dict]) -> list[str]:
     return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, points: str, rows: int, figures: Figures) -> str:
+def table_of(plane, points, rows, figures):
     """Tears of a plane, arrangement and number of rows, by angle and all together."""
     tears = [
         tear

@@ -19,9 +19,7 @@ GRIPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
 SLIDING = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
 
-def sheet(
-    size: tuple[float, float], spacing: float, tip: float, plane: str, bulk_modulus: float, **more
-) -> pds.Scene:
+def sheet(size, spacing, tip, plane, bulk_modulus, **more):
     """A rectangle with a cut along its middle from the left to a tip; the shear modulus is 1."""
     middle, law = (
         size[1] / 2,
@@ -51,13 +49,13 @@ def sheet(
     )
 
 
-def rate(level: dict) -> float:
+def rate(level):
     """G of the only crack at an output."""
     (crack,) = level["cracks"]
     return crack["energy_release_rate"]
 
 
-def strip(points: int):
+def strip(points):
     """A long crack in a clamped strip releases W h."""
     scene = sheet((9.0, 2.0), 2.0 / points, 4.5, "stress", 100.0, stretches=[1.3, 2.0], grips=GRIPS)
     levels, law = pds.simulate(scene, "bond-energy").levels, scene.material.build()
@@ -65,7 +63,7 @@ def strip(points: int):
     yield points, *(percent(rate(level), g) for level, g in zip(levels, exact, strict=True))
 
 
-def plate(plane: str, bulk: float, points: int):
+def plate(plane, bulk, points):
     """Half of a plate with a central crack at small strain, against linear fracture mechanics."""
     held = [
         {"region": "left", "x1": 0.0},
@@ -84,7 +82,7 @@ def plate(plane: str, bulk: float, points: int):
 STRETCHES = [1.1, 1.3, 1.5, 2.0]
 
 
-def notch(plane: str, bulk: float):
+def notch(plane, bulk):
     """An edge notch of a fifth of the width, against differences of the energy."""
     spacing, levels = 0.02, []
     for step in (-1, 0, 1):
@@ -133,7 +131,7 @@ def along_the_tear():
         )
 
 
-def trousers(*tear: float):
+def trousers(*tear):
     """Energy of a trouser tear by the force on its legs, and the diameter of the tip in
     psi(critical stretch) d.
     """
@@ -170,7 +168,7 @@ edge of the crack: 1.0315, 1.0344 and 1.0350 on finer and finer meshes.
 """
 
 
-def penny(points: int):
+def penny(points):
     """Volume of the opened disc, by what it takes off the force, over that of linear elasticity."""
     scene = pds.load_scene("penny", {"spacing": 1 / points})
     law, stretch, radius = scene.law(), scene.stretches[0], scene.precuts[0].radius

@@ -77,7 +77,7 @@ speed of the tab divided by that of shear waves.
 """
 
 
-def holes() -> tuple[pds.shapes.Polygon, ...]:
+def holes():
     """The holes; the slit from the first center to the third joins two of them."""
     discs = [shapely.Point(center).buffer(RADIUS, 48) for center in CENTERS]
     slit = shapely.LineString([CENTERS[0], CENTERS[2]]).buffer(SLIT / 2, cap_style="flat")
@@ -89,7 +89,7 @@ def holes() -> tuple[pds.shapes.Polygon, ...]:
     )
 
 
-def predicted(name: str, spacing: float):
+def predicted(name, spacing):
     """Greatest principal stretches at the measured positions at the force, and the displacement of
     the grip then, by an energy or a law that is fitted to the tests.
     """
@@ -137,7 +137,7 @@ def predicted(name: str, spacing: float):
     yield name, spacing, len(points), rms, largest, grip, seconds
 
 
-def notched(notch: float, law, steps: list[dict], **more) -> pds.Scene:
+def notched(notch, law, steps, **more):
     """Half of a sheet with two notches, whose upper tab is moved by t in mm."""
     held = [
         {"region": "bottom", "x1": 0.0, "x2": 0.0},
@@ -174,7 +174,7 @@ def fitted_law():
     )
 
 
-def at_rest(notch: float, law) -> tuple[CubicSpline, CubicSpline]:
+def at_rest(notch, law):
     """Force and energy release rate of a sheet whose notches do not grow, by stroke."""
     strokes = np.linspace(0, 24, 25)
     levels = pds.simulate(notched(notch, law, [{"to": 24.0, "outputs": 24}]), "bond-energy").levels
@@ -184,7 +184,7 @@ def at_rest(notch: float, law) -> tuple[CubicSpline, CubicSpline]:
     )
 
 
-def torn(notch: float, law, energy: float) -> dict:
+def torn(notch, law, energy):
     """Stroke and force at the peak of a simulated tear."""
     speed, (first, last) = SPEED * law.shear_modulus**0.5, PEAKS[notch][0] * np.array(PULLED)
     dynamics = {

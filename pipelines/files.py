@@ -33,12 +33,12 @@ The script `pipelines/files.py` writes this page from the docstrings.
 """
 
 
-def what_for(module: ast.Module) -> str:
+def what_for(module):
     """The first paragraph of a module's docstring, in one line."""
     return " ".join((ast.get_docstring(module) or "").split("\n\n")[0].split())
 
 
-def names_of(module: ast.Module) -> list[str]:
+def names_of(module):
     """Classes, functions and constants of a module that begin without an underscore, in their
     order.
     """
@@ -55,7 +55,7 @@ def names_of(module: ast.Module) -> list[str]:
     return [name for name in dict.fromkeys(found) if not name.startswith("_")]
 
 
-def files() -> str:
+def files():
     """The page of the files."""
     rooms: dict[str, list[str]] = {}
     for path in sorted((ROOT / "pdsurrogate").rglob("*.py")):
@@ -72,7 +72,7 @@ def files() -> str:
     )
 
 
-def examples() -> str:
+def examples():
     """The page of the examples."""
     shown = {
         path.name: what_for(ast.parse(path.read_text("utf-8")))

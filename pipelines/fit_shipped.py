@@ -59,7 +59,7 @@ def as_drawn(samples):
     )
 
 
-def search(model, samples, grid) -> list[dict]:
+def search(model, samples, grid):
     """Relative errors on the folds left out over a small grid of the regressor's parameters;
     networks run for fewer rounds than in the end.
     """
@@ -74,7 +74,7 @@ def search(model, samples, grid) -> list[dict]:
     return rows
 
 
-def make(name, law, description, samples, model, grid, folder, version=FIRST, folds=5) -> None:
+def make(name, law, description, samples, model, grid, folder, version=FIRST, folds=5):
     """One artifact."""
     console.rule(f"{name}@{version}")
     samples = as_drawn(samples)
@@ -88,7 +88,7 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST, fo
     console.print(path, pds.load_card(path).errors["box"]["on_surface"], soft_wrap=True)
 
 
-def make_all(folder: Path) -> None:
+def make_all(folder):
     """All artifacts."""
     law = pds.materials.NeoHookean()
     make(
@@ -219,7 +219,7 @@ ROUNDING = 100 * np.finfo(float).eps
 """Difference that is no more than rounding, for laws whose outputs a network has exactly."""
 
 
-def faults(made: Path, shipped: Path) -> list[str]:
+def faults(made, shipped):
     """Return what decides against the artifacts of one folder: entries of cards, and forces that
     are too far from the shipped ones.
     """
@@ -255,7 +255,7 @@ def faults(made: Path, shipped: Path) -> list[str]:
     return found
 
 
-def deviations(made: Path, shipped: Path) -> dict[str, tuple[float, float]]:
+def deviations(made, shipped):
     """Return, by quantity, the relative RMS difference of two artifacts over the domain, and the
     error that the shipped card states.
     """
@@ -273,7 +273,7 @@ def deviations(made: Path, shipped: Path) -> dict[str, tuple[float, float]]:
     return {key: (found[key], stated["on_surface"][key]) for key in found.keys() - {"max"}}
 
 
-def main() -> int:
+def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     group = parser.add_mutually_exclusive_group(required=True)
     group.add_argument("--out", type=Path, metavar="DIR", help="folder to write the artifacts to")

@@ -10,7 +10,7 @@ import io
 import time
 from functools import partial
 
-from cases import Figures, Study, report
+from cases import Study, report
 from pages import FIGURES
 from PIL import Image
 
@@ -81,7 +81,7 @@ SHOWN = {
 """What is to be seen in each scene, in one line."""
 
 
-def drawn(name: str):
+def drawn(name):
     """Run a scene and write its picture."""
     changes = [f"spacing={COARSER[name]:g}"] if name in COARSER else []
     scene, file, began = pds.load_scene(name, changes), io.BytesIO(), time.perf_counter()
@@ -97,7 +97,7 @@ def drawn(name: str):
     yield scene.title, command, force, points, round(seconds, 1), processor()
 
 
-def page(figures: Figures) -> str:
+def page(figures):
     """Picture, command and time of every scene."""
     parts = []
     for name, ((title, command, force, points, seconds, machine),) in sorted(figures.items()):

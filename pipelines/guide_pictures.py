@@ -22,7 +22,7 @@ from pdsurrogate.results import figures
 FOLDER = FIGURES / "guide"
 
 
-def laws() -> Figure:
+def laws():
     """Nominal stress of every law in uniaxial tension, with default parameters."""
     stretches = np.linspace(1, 6, 51)
     figure = Figure(figsize=(4.8, 3.2), layout="constrained")
@@ -41,7 +41,7 @@ def laws() -> Figure:
     return figure
 
 
-def regressors() -> Figure:
+def regressors():
     """Error of the bond force by strain for three regressors that learned the same samples of
     Ogden's law.
     """
@@ -68,7 +68,7 @@ def regressors() -> Figure:
     return figure
 
 
-def ranks(size: int = 4) -> Figure:
+def ranks(size=4):
     """Points of the scene `hole` in the color of the rank that computes them."""
     body = discretize(pds.load_scene("hole", spacing=0.08))[0]
     weights = bond_counts(body.points, body.horizon, slice(0, len(body)))

@@ -10,14 +10,13 @@ is tested.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, permutations
 
 import numpy as np
-from cases import Figures, Study, report
+from cases import Study, report
 from pages import markdown_table
 from scipy.integrate import fixed_quad
 from scipy.linalg import block_diag
@@ -26,10 +25,10 @@ from threadpoolctl import threadpool_limits
 import pdsurrogate as pds
 from pdsurrogate.artifacts import list_artifacts, load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane
-from pdsurrogate.forces import FORCES, ForceSurrogate, InternalForce, InvalidState, LearnedEnergy
+from pdsurrogate.forces import FORCES, ForceSurrogate, InvalidState, LearnedEnergy
 from pdsurrogate.forces.settings import WHERE
 from pdsurrogate.kernels.steps import central_difference_step
-from pdsurrogate.materials import PLANES, Law, homogeneous, plane_stress
+from pdsurrogate.materials import PLANES, homogeneous, plane_stress
 from pdsurrogate.solvers.equilibrium import Diverging, NotConverged, Unstable
 from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.stability import FrequencyEstimate
@@ -77,7 +76,7 @@ class Weak(Exception):
     """
 
 
-def at_most(value: float, limit: float, weakness: str, figure: str = "{:.1e}") -> str:
+def at_most(value, limit, weakness, figure="{:.1e}"):
     """Return a figure as text, or raise `Weak` if it is greater than a limit."""
     if not value <= limit:
         raise Weak(figure.format(value), weakness)
@@ -90,20 +89,20 @@ class Tested(Subject):
 
     steps: int = 100_000
 
-    def body(self, plane: int | tuple, space: int | tuple, ratio: float | None = None, **options):
+    def body(self, plane, space, ratio=None, **options):
         """Return a `regular` body with `plane` points a side if the model is tested in the plane,
         with `space` points a side if in solids.
         """
         return regular(self.dimension, self.sized(plane, space), ratio, **options)
 
-    def describes(self, law: Law) -> bool:
+    def describes(self, law):
         """Return whether the model can be used for a material law."""
         with suppress(ValueError):
             self.model.check_material(law)
             return True
         return False
 
-    def gradient(self, F: np.ndarray) -> np.ndarray:
+    def gradient(self, F):
         """Return an in-plane deformation gradient F, shape (2, 2), completed for solids by the
         stretch along x3 without stress there.
         """
@@ -112,14 +111,12 @@ class Tested(Subject):
         trace, J = plane_stress.invariants(F)
         return block_diag(F, plane_stress.volume_ratio(self.law, trace, J) / J)
 
-    def uniaxial(self, stretch: float) -> np.ndarray:
+    def uniaxial(self, stretch):
         """Return the deformation gradient, shape (d, d), of uniaxial tension along x1."""
         lateral = homogeneous.uniaxial(self.law, stretch).lateral_stretch
         return self.gradient(np.diag([stretch, lateral]))
 
-    def solve(
-        self, scene: pds.Scene, where="", weakness="does not converge", unstable="loses stability"
-    ) -> pds.Result:
+    def solve(self, scene, where="", weakness="does not converge", unstable="loses stability"):
         """Return the result of a scene with the model under test; raise `Weak` if it fails."""
         try:
             return self.run(scene)
@@ -128,12 +125,12 @@ class Tested(Subject):
             raise Weak(where + str(error).partition(":")[0], why) from error
 
 
-def under_test(reference: str, plane: str = "stress", **more) -> Tested:
+def under_test(reference, plane="stress", **more):
     """Return a force model for the hard cases, by name."""
     return Tested(**vars(subject_of(reference, plane=plane)), **more)
 
 
-def regular(dimension: int, cells: int | tuple, ratio: float | None = None, **options) -> Body:
+def regular(dimension, cells, ratio=None, **options):
     """Return a square (`dimension` 2) or cube (3) with `cells` points a side, or along each axis;
     the horizon is `ratio` spacings, and `options` are those of `of_points`.
     """
@@ -141,7 +138,7 @@ def regular(dimension: int, cells: int | tuple, ratio: float | None = None, **op
     return of_points(lattice(*(count * SPACING for count in cells)), ratio, **options)
 
 
-def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
+def of_simplices(random, dimension, cells, amount=0.2):
     """Return a square or cube meshed with triangles or tetrahedra, with a point at the centroid of
     each, as from a mesh file.
 
@@ -167,7 +164,7 @@ def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount
     return Body(np.concatenate(middles), volumes, HORIZONS[dimension] * spacing, spacing)
 
 
-def tangent(force: InternalForce, positions: np.ndarray) -> np.ndarray:
+def tangent(force, positions):
     """Return -df/du at given positions of the points that are not outermost: component i of the
     k-th has row and column d k + i.
     """
@@ -178,7 +175,7 @@ def tangent(force: InternalForce, positions: np.ndarray) -> np.ndarray:
     return (force.tangent(positions) @ np.eye(positions.size)[:, columns])[columns]
 
 
-def resistance(subject: Tested, body: Body, F: np.ndarray) -> float:
+def resistance(subject, body, F):
     """Return the least stiffness against any displacement of the inner points in a homogeneous
     state, divided by that of an undeformed continuum of the body's length L.
 
@@ -190,7 +187,7 @@ def resistance(subject: Tested, body: Body, F: np.ndarray) -> float:
     return float(np.linalg.eigvalsh((A + A.T) / 2)[0] / continuum)
 
 
-def resisting(found: dict[str, float], least: float, figure: str = "{:.2g} ({})") -> str:
+def resisting(found, least, figure="{:.2g} ({})"):
     """Return the least of some resistances as text, or raise `Weak` if it is too small."""
     name = min(found, key=found.get)
     text = figure.format(found[name], name)
@@ -205,7 +202,7 @@ some points in the middle have full horizons, and so have their neighbors.
 """
 
 
-def states(subject: Tested) -> dict[str, np.ndarray]:
+def states(subject):
     """Return by name the deformation gradients of the homogeneous states in which tangents are
     computed.
     """
@@ -215,7 +212,7 @@ def states(subject: Tested) -> dict[str, np.ndarray]:
     return found | {name: subject.gradient(np.array(F, float)) for name, F in others.items()}
 
 
-def least_eigenvalue(subject: Tested) -> str:
+def least_eigenvalue(subject):
     """Neo-Hookean rubber resists every wave in every state at least as at rest, and a horizon of
     three spacings lowers the stiffness of a mode on a body eleven spacings long by up to half, as
     one of 1.75 does on one six spacings long; hence a quarter.
@@ -226,7 +223,7 @@ def least_eigenvalue(subject: Tested) -> str:
     )
 
 
-def symmetry(subject: Tested) -> str:
+def symmetry(subject):
     """The force is the gradient of an energy if |A - A^T|/|A| of its tangent A vanishes; rounding
     leaves 1e-9.
     """
@@ -244,7 +241,7 @@ the best experiments on rubber.
 """
 
 
-def accurate(subject: Tested, error: float, figure: str = "{:.1e}") -> str:
+def accurate(subject, error, figure="{:.1e}"):
     """Return an error as text, or raise `Weak` with the reason for which the model is less
     accurate than the analytic bond force.
     """
@@ -254,7 +251,7 @@ def accurate(subject: Tested, error: float, figure: str = "{:.1e}") -> str:
     return at_most(error, MOST_ERROR, known.get(subject.model.name, other), figure)
 
 
-def stress_error(subject: Tested, stretches: list[float], law: Law, square: bool = False) -> float:
+def stress_error(subject, stretches, law, square=False):
     """Return the greatest relative error of the nominal stress at some stretches of a sheet or
     block, or of a square or cube, between rollers.
     """
@@ -274,17 +271,17 @@ def stress_error(subject: Tested, stretches: list[float], law: Law, square: bool
     )
 
 
-def stretch(subject: Tested) -> str:
+def stretch(subject):
     """Outside their domain surrogates use the exact force, so their error is no larger there."""
     return accurate(subject, stress_error(subject, [4.0, 5.0, 8.0], subject.law))
 
 
-def compression(subject: Tested) -> str:
+def compression(subject):
     """The exact state of the square is unstable below 0.53: a model with an energy stops there."""
     return accurate(subject, stress_error(subject, [0.7, 0.5], subject.law, square=True))
 
 
-def compressibility(subject: Tested) -> str:
+def compressibility(subject):
     """At K/mu = 10, 100, 10^3 and, in the plane, 10^4."""
     errors = {}
     for ratio in subject.sized((1e1, 1e2, 1e3, 1e4), (1e1, 1e2, 1e3)):
@@ -295,7 +292,7 @@ def compressibility(subject: Tested) -> str:
     return accurate(subject, errors[worst], f"{{:.1e}} (K/mu = {worst:g})")
 
 
-def beyond_the_domain(subject: Tested) -> str:
+def beyond_the_domain(subject):
     """At twice the greatest stretch of the domain, or where the law has no such state at 1.5 or 1.2
     times it, forces are exact; the work on the path there, by Gauss's rule on 200 intervals, equals
     the stored energy, which a jump by the error of the fit would exceed.
@@ -311,7 +308,7 @@ def beyond_the_domain(subject: Tested) -> str:
         correction=None if force.has_energy else force.correction,
     )
 
-    def at(stretch: float) -> np.ndarray:
+    def at(stretch):
         sides = [stretch, *[stretch**-0.5] * (subject.dimension - 1)]
         return (body.points + 0.02 * (wavy(body.points) - body.points)) * sides
 
@@ -322,7 +319,7 @@ def beyond_the_domain(subject: Tested) -> str:
             expected = forces_at(exact, at(greatest))
             break
 
-    def power(stretch: float) -> float:
+    def power(stretch):
         velocity = (at(stretch + 1e-6) - at(stretch - 1e-6)) / 2e-6
         return float((forces_at(force, at(stretch)) * velocity).sum())
 
@@ -338,7 +335,7 @@ def beyond_the_domain(subject: Tested) -> str:
     return at_most(abs(work / stored - 1), 1e-7, "accuracy", f"{figure}, work within {{:.0e}}")
 
 
-def patches(subject: Tested, make: Callable[[np.random.Generator], Body]) -> str:
+def patches(subject, make):
     """Mean stress, against the greatest component of the exact stress, and resistance at uniaxial
     stretch 2 in three bodies that `make` draws at random, whose horizons are asymmetric.
     """
@@ -350,7 +347,7 @@ def patches(subject: Tested, make: Callable[[np.random.Generator], Body]) -> str
     return accurate(subject, error, figure)
 
 
-def jitter(subject: Tested) -> str:
+def jitter(subject):
     """Of regular points."""
     points = subject.body(10, 6).points
     return patches(
@@ -359,7 +356,7 @@ def jitter(subject: Tested) -> str:
     )
 
 
-def mesh(subject: Tested) -> str:
+def mesh(subject):
     """Of irregular triangles or tetrahedra."""
     cells = subject.sized(8, 4)
     return patches(subject, partial(of_simplices, dimension=subject.dimension, cells=cells))
@@ -371,7 +368,7 @@ span all directions to the largest in use.
 """
 
 
-def horizons(subject: Tested) -> str:
+def horizons(subject):
     """Edges cut the longest horizons of nearly all points; hence a tenth."""
     F, bodies = subject.uniaxial(2.0), partial(subject.body, *CELLS)
     found = {
@@ -380,7 +377,7 @@ def horizons(subject: Tested) -> str:
     return resisting(found, 0.1)
 
 
-def notch_tip(subject: Tested) -> str:
+def notch_tip(subject):
     """Root mean square of the part of the displacements that alternates from point to point along
     all axes, over the greatest displacement: the field near a tip gives a few thousandths, a
     zero-energy mode tenths.
@@ -422,7 +419,7 @@ class Motion:
     A displacement component moves where `free`, shape (n, d), is 1.
     """
 
-    def __init__(self, force: InternalForce, part=0.5, positions=None, free=None, damping=0.0):
+    def __init__(self, force, part=0.5, positions=None, free=None, damping=0.0):
         self.force, self.mass, self.damping = force, force.body.volumes, damping
         self.positions = force.body.points.copy() if positions is None else positions
         self.free = np.ones_like(self.positions) if free is None else free
@@ -430,23 +427,23 @@ class Motion:
         self.step = part * 2 / np.sqrt(frequency)
         self.shake()
 
-    def shake(self) -> None:
+    def shake(self):
         """Set random velocities of a thousandth of the speed of shear waves."""
         random = np.random.default_rng(0).standard_normal(self.positions.shape)
         self.velocities = 1e-3 * np.sqrt(self.force.law.shear_modulus) * random * self.free
 
     @property
-    def kinetic_energy(self) -> float:
+    def kinetic_energy(self):
         return float((self.mass[:, None] * self.velocities**2).sum() / 2)
 
-    def advance(self, steps: int) -> None:
+    def advance(self, steps):
         scheme = self.free, self.mass, self.damping, self.step, self.step
         for _ in range(steps):
             forces = forces_at(self.force, self.positions)
             central_difference_step(self.positions, self.velocities, forces, *scheme)
 
 
-def held(subject: Tested) -> Motion:
+def held(subject):
     """Return the motion of a body held at both ends at stretch 1.5, with half the critical step
     and the damping of `DampedExplicit`.
     """
@@ -457,7 +454,7 @@ def held(subject: Tested) -> Motion:
     return Motion(subject.bind(body), 0.5, body.points @ subject.uniaxial(1.5).T, free, damping)
 
 
-def damped_steps(subject: Tested) -> str:
+def damped_steps(subject):
     """Kinetic energy at the end over that at the start: velocities fall from 1e-3 to 1e-13 times
     the speed of waves, where rounding is.
     """
@@ -470,7 +467,7 @@ def damped_steps(subject: Tested) -> str:
     return at_most(motion.kinetic_energy / first, 1e-16, "loses stability")
 
 
-def undamped_steps(subject: Tested) -> str:
+def undamped_steps(subject):
     """Mean kinetic energy in the last tenth of the steps over that in the first: 1 within the
     scatter of some hundred modes, among which small waves share their energy evenly.
     """
@@ -495,7 +492,7 @@ displacement of the top, small enough for linear elasticity to be exact to 0.1 %
 """
 
 
-def layered(subject: Tested, direction: int, still: dict, contrasts: tuple[float, ...]) -> str:
+def layered(subject, direction, still, contrasts):
     """Error of the force on a layered body whose top moves along an axis and whose sides roll, so
     that every layer is homogeneous and the exact force is that of springs in series.
 
@@ -534,13 +531,13 @@ def layered(subject: Tested, direction: int, still: dict, contrasts: tuple[float
     return at_most(abs(errors[worst]), 0.05, "stiff contrasts", figure)
 
 
-def sheared_layer(subject: Tested) -> str:
+def sheared_layer(subject):
     """Between parts as stiff as a stiffer rubber, plastic and steel."""
     still = dict.fromkeys(("x1", "x2", "x3")[: subject.dimension], 0.0)
     return layered(subject, 0, still, (1e1, 1e3, 1e5))
 
 
-def confined_layer(subject: Tested) -> str:
+def confined_layer(subject):
     """Rollers on the sides keep the width of the body constant."""
     return layered(subject, 1, {"x2": 0.0}, (1e1, 1e5))
 
@@ -588,7 +585,7 @@ CASES = {
 """Functions of a `Tested` that return their figure or raise `Weak`, with title and requirement."""
 
 
-def all_models(plane: str) -> list[str]:
+def all_models(plane):
     """Return the names of all force models that support a plane; an artifact without a version
     stands for its newest version.
     """
@@ -596,7 +593,7 @@ def all_models(plane: str) -> list[str]:
     return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honors["plane"]]
 
 
-def outcome(case: Callable[[Tested], str], subject: Tested) -> tuple[str, str]:
+def outcome(case, subject):
     """Return the figure of a case for a force model, and its weakness or ""."""
     try:
         # BLAS threads would spin on the cores that the kernels need.
@@ -608,11 +605,11 @@ def outcome(case: Callable[[Tested], str], subject: Tested) -> tuple[str, str]:
         return f"- ({reason})", ""
 
 
-def measured(case: Callable[[Tested], str], model: str, plane: str) -> Iterable[tuple[str, str]]:
+def measured(case, model, plane):
     yield outcome(case, under_test(model, plane))
 
 
-def table(plane: str, figures: Figures) -> str:
+def table(plane, figures):
     """Table of all cases of a plane, a column for each model, and explanations of the weaknesses
     in it.
     """

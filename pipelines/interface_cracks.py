@@ -41,9 +41,7 @@ at a horizon of 2.2 spacings.
 """
 
 
-def tear(
-    force: str, ratio: float, rows: int, stiffer: float, interface: dict, layers: dict
-) -> dict:
+def tear(force, ratio, rows, stiffer, interface, layers):
     """Return the summary of a tear of the strip, whose upper layer is so many times stiffer;
     `layers` are stronger than the `interface`.
     """
@@ -74,7 +72,7 @@ def tear(
     return pds.simulate(pds.Scene.model_validate(scene), force).summary
 
 
-def energy_ahead(stretch: float, stiffer: float) -> float:
+def energy_ahead(stretch, stiffer):
     """Return W h of two layers of half the height each, which a stretch of the strip leaves in
     pure shear with the same traction.
     """
@@ -83,12 +81,12 @@ def energy_ahead(stretch: float, stiffer: float) -> float:
         pds.materials.NeoHookean(stiffer, BULK * stiffer),
     )
 
-    def of_both(of_soft: float):
+    def of_both(of_soft):
         return homogeneous.pure_shear(soft, of_soft), homogeneous.pure_shear(
             stiff, 2 * stretch - of_soft
         )
 
-    def excess(of_soft: float) -> float:
+    def excess(of_soft):
         one, other = of_both(of_soft)
         return one.nominal_stress - other.nominal_stress
 
@@ -96,7 +94,7 @@ def energy_ahead(stretch: float, stiffer: float) -> float:
     return sum(layer.energy_density for layer in of_both(found)) / 2
 
 
-def equal(force: str, ratio: float, rows: int):
+def equal(force, ratio, rows):
     """Layers of one rubber: G at the peak against the energy of the interface."""
     summary = tear(force, ratio, rows, 1.0, {"energy": ENERGY}, {"energy": 3 * ENERGY})
     found = energy_ahead(summary["crack"]["peak"]["stretch"], 1.0)
@@ -104,7 +102,7 @@ def equal(force: str, ratio: float, rows: int):
     yield force, ratio, rows, found, found / ENERGY, gap
 
 
-def different(stiffer: float, rows: int):
+def different(stiffer, rows):
     """Layers of different moduli: G at the peak against that of a crack in the softer rubber
     with the same critical stretch.
     """

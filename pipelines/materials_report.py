@@ -60,7 +60,7 @@ CONSTANTS = {
 TRELOAR, KAWABATA = pds.load_test_data("treloar"), pds.load_test_data("kawabata")
 
 
-def identified(name: str):
+def identified(name):
     """A law on Treloar's data; Kawabata's grid is predicted with the same parameters."""
     model = fitted(name)
     pairs = zip(model.parameter_names_, model.parameters_, model.standard_errors_, strict=True)
@@ -73,7 +73,7 @@ def identified(name: str):
     yield name, found, *modes, KAWABATA.r_squared(model.predict(KAWABATA.stretches))["biaxial"]
 
 
-def fitted(name: str, data=TRELOAR, weights=True, **more) -> pds.identification.LawRegressor:
+def fitted(name, data=TRELOAR, weights=True, **more):
     """A law fitted to the three modes weighted alike, or to given data with equal weights."""
     model = pds.identification.LawRegressor(name, **more)
     return model.fit(
@@ -81,7 +81,7 @@ def fitted(name: str, data=TRELOAR, weights=True, **more) -> pds.identification.
     )
 
 
-def beside_published(name: str, fitted_to: str, constant: str, value: float, source: str):
+def beside_published(name, fitted_to, constant, value, source):
     """A constant found here and by others."""
     data = TRELOAR if fitted_to == ALL else TRELOAR.of("uniaxial")
     law = fitted(name, data, fitted_to == ALL, bulk_ratio=INCOMPRESSIBLE).law_
@@ -96,13 +96,13 @@ def surrogate(law, degree):
     return surrogate_of(model, law, samples)
 
 
-def errors_of(model, law) -> list[float]:
+def errors_of(model, law):
     """Relative RMS force error on and off the surface."""
     found = pds.evaluate(model.bond_force, law, pds.learning.reachable_stretches(law))
     return [found["on_surface"]["rms"], found["off_surface"]["rms"]]
 
 
-def timed(name: str):
+def timed(name):
     """Cost of the exact bond force of a law and of its cheapest surrogate."""
     law, body = pds.materials.LAWS[name](), sheet()
     exact = pds.AnalyticBondForce(law)

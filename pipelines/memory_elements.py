@@ -9,7 +9,6 @@ time is integrated within a step by the classical Runge-Kutta method along a str
 
 import json
 from pathlib import Path
-from typing import Any
 
 import felupe as fem
 import numpy as np
@@ -24,7 +23,7 @@ STAGES = 4
 DATA = Path(__file__).parent / "data" / "memory.json"
 
 
-def isochoric(F: np.ndarray) -> np.ndarray:
+def isochoric(F):
     """Cbar of deformation gradients."""
     return det(F) ** (-2 / 3) * dot(transpose(F), F)
 
@@ -32,16 +31,16 @@ def isochoric(F: np.ndarray) -> np.ndarray:
 class Viscoelastic:
     """Neo-Hookean material with a branch; its state is C_k and Cbar of the last step."""
 
-    def __init__(self, shear_modulus: float, modulus: float, time: float) -> None:
+    def __init__(self, shear_modulus, modulus, time):
         self.shear_modulus, self.modulus, self.time, self.dt = shear_modulus, modulus, time, 0.0
         self.x = [np.eye(3), np.zeros((2, 3, 3))]
 
-    def at_rest(self, field: fem.FieldContainer) -> np.ndarray:
+    def at_rest(self, field):
         """State before anything has moved."""
         shape = field.region.quadrature.npoints, field.region.mesh.ncells
         return np.broadcast_to(EYE, (2, 3, 3, *shape)).copy()
 
-    def advanced(self, C: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    def advanced(self, C, begin, end):
         """C_k at the end of a step."""
 
         def rate(C, part):
@@ -59,7 +58,7 @@ class Viscoelastic:
             C = C + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return C
 
-    def stress(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def stress(self, F, state):
         """Isochoric stress P, with C_k and Cbar at the end of the step."""
         Cbar = isochoric(F)
         C = self.advanced(state[0], state[1], Cbar)
@@ -68,12 +67,12 @@ class Viscoelastic:
         trace = ddot(FM, F)
         return J ** (-2 / 3) * (FM - trace / 3 * transpose(inv(F))), C, Cbar
 
-    def gradient(self, x: list) -> list:
+    def gradient(self, x):
         """Stress and new state, as FElupe asks for them."""
         P, C, Cbar = self.stress(x[0], x[-1])
         return [P, np.stack([C, Cbar])]
 
-    def hessian(self, x: list) -> list:
+    def hessian(self, x):
         """Derivative of the stress at the end of the step, through the evolution of the state."""
         F, found = x[0], np.empty((*x[0].shape[:2], *x[0].shape))
         for k in range(len(F)):
@@ -87,7 +86,7 @@ class Viscoelastic:
 class Sheet(Viscoelastic):
     """The material under plane stress: the stretch of the thickness makes P33 vanish."""
 
-    def stress(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def stress(self, F, state):
         """Whole stress P in the plane, with C_k and Cbar at the end of the step."""
         full = np.zeros((3, 3, *F.shape[2:]), dtype=F.dtype)
         full[:2, :2] = F
@@ -97,20 +96,20 @@ class Sheet(Viscoelastic):
         P, C, Cbar = self.whole(full, state)
         return P[:2, :2], C, Cbar
 
-    def whole(self, F: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def whole(self, F, state):
         """Stress in space with that of the volume, and the new state."""
         P, C, Cbar = super().stress(F, state)
         J = det(F)
         return P + BULK / 4 * (J**2 - J**-2) * transpose(inv(F)), C, Cbar
 
-    def slope(self, F: np.ndarray, state: np.ndarray) -> np.ndarray:
+    def slope(self, F, state):
         """Derivative of P33 by the stretch of the thickness, at real F."""
         moved = F.real.astype(complex)
         moved[2, 2] += TINY * 1j
         return self.whole(moved, state)[0][2, 2].imag / TINY
 
 
-def block(n: int, sheet: bool = False) -> tuple[fem.FieldContainer, fem.Boundary, dict]:
+def block(n, sheet=False):
     """Quarter of the unit block in plane strain, n by n elements graded to the corner: fields of
     displacement, pressure and volume ratio, the boundary that moves, and all boundaries.
 
@@ -136,7 +135,7 @@ def block(n: int, sheet: bool = False) -> tuple[fem.FieldContainer, fem.Boundary
     return field, boundaries["move"], boundaries
 
 
-def forces(n: int, material: Any, program: list[tuple[float, float]]) -> np.ndarray:
+def forces(n, material, program):
     """Force on the ends of the block after each step (stretch, dt) of a program."""
     sheet = isinstance(material, Sheet)
     field, move, boundaries = block(n, sheet)
@@ -174,13 +173,13 @@ def forces(n: int, material: Any, program: list[tuple[float, float]]) -> np.ndar
     return np.array(found)
 
 
-def relaxing(steps: int) -> tuple[list[tuple[float, float]], list[float]]:
+def relaxing(steps):
     """Steps (stretch, dt) of a block pulled to 1.5 in a relaxation time, held nine of them, let
     back to 1.2 in half of one and held five, by steps a relaxation time; and the times of output.
     """
     part = steps // 8
 
-    def held(stretch: float, pieces: list[float]) -> list[tuple[float, float]]:
+    def held(stretch, pieces):
         return [(stretch, dt / part) for dt in pieces for _ in range(part)]
 
     pulled = [(1 + 0.5 * (k + 1) / steps, 1 / steps) for k in range(steps)]
@@ -202,12 +201,12 @@ CYCLE = [(1.3, 0.2), (1.6, 0.6), (1.4, 0.4), (1.1, -0.2), (1.5, 0.3), (1.9, 0.8)
 """Stretches along x, with the shear xy, of states without a change of volume."""
 
 
-def softened() -> fem.OgdenRoxburgh:
+def softened():
     """The softening of FElupe on an isochoric neo-Hookean energy."""
     return fem.OgdenRoxburgh(fem.NeoHooke(mu=1.0), **SOFTENING)
 
 
-def cycle() -> list[dict]:
+def cycle():
     """Deformation gradients of `CYCLE` with their stresses P."""
     material, state, found = softened(), np.zeros((1, 1, 1)), []
     for stretch, shear in CYCLE:
@@ -218,7 +217,7 @@ def cycle() -> list[dict]:
     return found
 
 
-def main() -> None:
+def main():
     """Compute all and write them."""
     found: dict = {"felupe": fem.__version__, "bulk_modulus": BULK, "relaxing": [], "steps": 32}
     program, at = relaxing(found["steps"])

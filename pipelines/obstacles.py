@@ -30,7 +30,7 @@ ELEMENTS = {28: (5.039552, 0.489409), 40: (5.037847, 0.489303), 50: (5.037239, 0
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 
 
-def block(spacing: float) -> pds.Scene:
+def block(spacing):
     """A block of 2 x 1, bonded below, pressed by a flat plate by 30 %; its sides may roll over
     both planes.
     """
@@ -52,7 +52,7 @@ def block(spacing: float) -> pds.Scene:
     )
 
 
-def pressed_block(spacing: float):
+def pressed_block(spacing):
     """Force of the plate, errors of it and of the contact width, and penetration."""
     force, corner = ELEMENTS[max(ELEMENTS)]
     result = pds.simulate(block(spacing), "bond-energy")
@@ -63,7 +63,7 @@ def pressed_block(spacing: float):
     yield spacing, found, *errors, depth, result.summary["n_force_evaluations"]
 
 
-def layer_factor(ratio: float) -> float:
+def layer_factor(ratio):
     """Return the force on a bonded incompressible layer divided by that on a half space, for a
     contact radius over thickness `ratio`.
 
@@ -72,7 +72,7 @@ def layer_factor(ratio: float) -> float:
     return 1 + 1.133 * ratio + 1.283 * ratio**2 + 0.769 * ratio**3 + 0.0975 * ratio**4
 
 
-def indented(cells: int):
+def indented(cells):
     """A ball on a quarter of a bonded layer four contact radii thick, with
     `cells` cells in the contact radius.
     """

@@ -10,7 +10,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 FIGURES = DOCS / "figures"
 
 
-def replace_block(name: str, text: str) -> None:
+def replace_block(name, text):
     """Put text between ``<!-- NAME -->`` and ``<!-- /NAME -->``, on the one page of the
     documentation that has them.
     """
@@ -23,7 +23,7 @@ def replace_block(name: str, text: str) -> None:
     found[0].write_text(f"{head}{begin}{text.strip()}\n{end}{rest.split(end, 1)[1]}", "utf-8")
 
 
-def markdown_table(header: list[str], rows: list[list[str]]) -> str:
+def markdown_table(header, rows):
     """A table, first column to the left and the others to the right."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -7,8 +7,6 @@ python pipelines/rate_tears.py --docs      the table of all stored figures, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from cases import of_rows, report, stored
 from matplotlib.figure import Figure
@@ -24,7 +22,7 @@ TIMES = (0.0, 0.0003, 0.003, 0.03, 0.3, 3.0)
 """Relaxation times; 0 for elastic rubber."""
 
 
-def strip(time: float, stretch_rate: float) -> pds.Scene:
+def strip(time, stretch_rate):
     """A cut strip of pure shear in plane strain, relaxed at a stretch below that at which it tears,
     and stretched on at a constant rate.
     """
@@ -56,7 +54,7 @@ def strip(time: float, stretch_rate: float) -> pds.Scene:
     )
 
 
-def torn(time: float, stretch_rate: float) -> Iterator[tuple]:
+def torn(time, stretch_rate):
     """Stretch at the greatest force and mean speed of the crack in horizons a relaxation time;
     energy per torn length, from the first broken bond to the last: supplied, released by bonds,
     dissipated by the branch, by viscosity, and the gap of the account.
@@ -66,7 +64,7 @@ def torn(time: float, stretch_rate: float) -> Iterator[tuple]:
     begin, end = crack["start"]["time"], crack["tips"][-1]["time"]
     rows = [row for row in result.history if "kinetic_energy" in row]
 
-    def change(key: str) -> float:
+    def change(key):
         of = [row.get(key, 0.0) for row in rows]
         return float(np.diff(np.interp([begin, end], [row["time"] for row in rows], of))[0])
 
@@ -80,7 +78,7 @@ def torn(time: float, stretch_rate: float) -> Iterator[tuple]:
     yield time, speed, speed * time / horizon, peak, sum(taken), *taken, gap
 
 
-def main() -> None:
+def main():
     """Measure, and draw what is stored."""
     study = of_rows(
         "rate-tears",

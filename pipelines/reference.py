@@ -6,12 +6,10 @@ python pipelines/reference.py     writes the marked blocks of the pages in docs/
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import typer
-from pydantic import BaseModel
 
 from pdsurrogate.artifacts import card, load_card, load_surrogate
 from pdsurrogate.cli import app
@@ -20,7 +18,7 @@ from pdsurrogate.identification import campaign
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
-from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids
+from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids, strength
 from pdsurrogate.studies import description
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,6 +68,7 @@ TABLES = {
         "probes": loading.Probe,
         "solver": model.SolverSpec,
         "fracture": model.Fracture,
+        "fracture.strength": strength.Strength,
         "fracture.interfaces": model.InterfaceFracture,
         "materials.fracture": model.Criterion,
         "dynamics": model.Dynamics,
@@ -129,7 +128,7 @@ METAVARS |= {"FLOAT": "NUMBER", "INTEGER RANGE": "INTEGER"}
 """Names of the values of options, whatever version of Typer has named them."""
 
 
-def documented(kind: type) -> dict[str, str]:
+def documented(kind):
     """Return the meanings of parameters by name, as the docstring of a class or of those that it
     derives from says them.
     """
@@ -144,7 +143,7 @@ def documented(kind: type) -> dict[str, str]:
     return found
 
 
-def meaning_and_unit(kind: type, field: str) -> tuple[str, str]:
+def meaning_and_unit(kind, field):
     """Return the meaning of a parameter of a class, and its unit, empty where the docstring
     gives none.
     """
@@ -153,12 +152,12 @@ def meaning_and_unit(kind: type, field: str) -> tuple[str, str]:
     return UNIT.sub("", meaning).replace("``", "`"), unit[1] if unit else ""
 
 
-def slug(table: str) -> str:
+def slug(table):
     """Return the anchor of the heading of a table."""
     return re.sub(r"[^\w-]", "", table)
 
 
-def bounds(schema: dict) -> str:
+def bounds(schema):
     """Return the bounds of a number in words, such as " > 0" and " from 1 to 10000"."""
     above, below = (
         schema.get("gt", schema.get("exclusiveMinimum")),
@@ -171,7 +170,7 @@ def bounds(schema: dict) -> str:
     return " and".join(f" {mark} {value:g}" for mark, value in marks if value is not None)
 
 
-def type_of(schema: dict, anchors: dict[str, str], many: bool = False) -> str:
+def type_of(schema, anchors, many=False):
     """Return the type of a value by its JSON schema in the words of TOML, in the plural for
     `many`.
     """
@@ -224,12 +223,12 @@ def type_of(schema: dict, anchors: dict[str, str], many: bool = False) -> str:
     return {"string": f"text{s}", "boolean": "`true` or `false`"}.get(kind, f"value{s}")
 
 
-def named(schema: dict) -> str:
+def named(schema):
     """Return the name of the model to which a JSON schema refers."""
     return schema["$ref"].rpartition("/")[2]
 
 
-def kinds_in(schema: dict) -> set[str]:
+def kinds_in(schema):
     """Return the types of the plain values in a JSON schema, at any depth but for those of other
     models.
     """
@@ -242,7 +241,7 @@ def kinds_in(schema: dict) -> set[str]:
     return {str(schema.get("type"))}.union(*map(kinds_in, inner))
 
 
-def rows_of(kind: type[BaseModel]) -> Iterator[tuple[str, dict, Any, str, str]]:
+def rows_of(kind):
     """Yield key, JSON schema, default (``...`` for none), unit and meaning of every field of a
     model; of a shape its name first.
     """
@@ -266,7 +265,7 @@ def rows_of(kind: type[BaseModel]) -> Iterator[tuple[str, dict, Any, str, str]]:
         )
 
 
-def keys(page: str, table: str) -> str:
+def keys(page, table):
     """Return the table of the keys of a model."""
     anchors = {
         kind.__name__: f"{place}#{slug(name)}"
@@ -294,7 +293,7 @@ def keys(page: str, table: str) -> str:
     return "\n".join(lines)
 
 
-def default_in_words(default: Any) -> str:
+def default_in_words(default):
     """Return the default of a key as TOML writes it; nothing for keys that may be left out, such
     as empty lists.
     """
@@ -310,7 +309,7 @@ def default_in_words(default: Any) -> str:
     return f'`"{text}"`' if isinstance(default, str) else f"`{text.lower()}`"
 
 
-def parameters(page: str, name: str) -> str:
+def parameters(page, name):
     """Return the table of the parameters of a material law."""
     law = LAWS[name]
     lines = [
@@ -328,7 +327,7 @@ def parameters(page: str, name: str) -> str:
     return "\n".join(lines)
 
 
-def forces(page: str, what: str) -> str:
+def forces(page, what):
     """Return the table of the force models, built in and shipped, with the law and the planes
     that they serve.
     """
@@ -353,7 +352,7 @@ def forces(page: str, what: str) -> str:
     return "\n".join(lines)
 
 
-def commands() -> Iterator[tuple[str, typer.core.TyperCommand, Any]]:
+def commands():
     """Yield name, command and context of every command."""
     group = typer.main.get_command(app)
     with typer.Context(group, info_name="pdsurrogate") as context:
@@ -364,7 +363,7 @@ def commands() -> Iterator[tuple[str, typer.core.TyperCommand, Any]]:
                 yield name, command, inner
 
 
-def records(command: typer.core.TyperCommand, context: Any) -> list[tuple[str, str]]:
+def records(command, context):
     """Return name and help of the arguments and options of a command, alike for all versions of
     Typer.
     """
@@ -385,7 +384,7 @@ def records(command: typer.core.TyperCommand, context: Any) -> list[tuple[str, s
     return found
 
 
-def options(page: str, what: str) -> str:
+def options(page, what):
     """Return the commands with their options; those that all commands take stand first."""
     (_, group, top), *each = commands()
     common = [
@@ -407,7 +406,7 @@ def options(page: str, what: str) -> str:
     return "\n\n".join(parts)
 
 
-def option_table(rows: list[tuple[str, str]]) -> str:
+def option_table(rows):
     """Return a table of options, or nothing if there are none."""
     lines = [
         f"| `{name.replace('|', chr(92) + '|')}` | {text.replace('|', chr(92) + '|')} |"
@@ -425,7 +424,7 @@ MAKERS: dict[str, Callable[[str, str], str]] = {
 """Functions that make the blocks of a page, by kind."""
 
 
-def page(path: Path) -> str:
+def page(path):
     """Return the text of a page with its blocks made anew."""
     return BLOCK.sub(
         lambda m: f"{m[1]}\n{MAKERS[m[2]](path.name, m[3])}\n\n{m[4]}", path.read_text("utf-8")

@@ -14,13 +14,12 @@ torsion by 0.11 %). For the ring and the sphere they are the radial equation of 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from boundaries import inflated
-from cases import Case, Errors, at_spacings, percent, report
+from cases import Case, at_spacings, percent, report
 from scipy.interpolate import RegularGridInterpolator
 
 import pdsurrogate as pds
@@ -29,7 +28,7 @@ DATA = json.loads((Path(__file__).parent / "data" / "solid_fields.json").read_te
 
 
 @cache
-def ran(scene: str, changes: str, spacing: float, force: str | None) -> pds.Result:
+def ran(scene, changes, spacing, force):
     """A run of a built-in scene with changes as JSON, which several cases share; of one that
     fails, what it has reached.
     """
@@ -43,18 +42,18 @@ def ran(scene: str, changes: str, spacing: float, force: str | None) -> pds.Resu
 
 
 def loaded(
-    scene: str,
-    level: int,
-    measures: dict[str, tuple[Callable[[dict], float], float]],
-    changes: dict | None = None,
-    force: str | None = None,
-    spacings: tuple[float, ...] = (0.08, 0.04, 0.02667, 0.02),
-) -> Case:
+    scene,
+    level,
+    measures,
+    changes=None,
+    force=None,
+    spacings=(0.08, 0.04, 0.02667, 0.02),
+):
     """A built-in scene, of which quantities at one output are read: by name, a function of the
     output and its value by the reference.
     """
 
-    def measure(spacing: float) -> Errors:
+    def measure(spacing):
         result = ran(scene, json.dumps(changes or {}), spacing, force)
         if level < len(result.levels):
             for name, (read, reference) in measures.items():
@@ -67,10 +66,10 @@ def loaded(
     return Case(measure, spacings)
 
 
-def radial(*names: str) -> Callable[[dict], float]:
+def radial(*names):
     """Mean radial displacement of probes on a ring."""
 
-    def measure(level: dict) -> float:
+    def measure(level):
         found = []
         for name in names:
             angle = np.pi / 4 if name.endswith("diagonal") else 0.0
@@ -82,12 +81,12 @@ def radial(*names: str) -> Callable[[dict], float]:
     return measure
 
 
-def moved(probe: str, axis: int) -> Callable[[dict], float]:
+def moved(probe, axis):
     """Displacement of a probe along an axis."""
     return lambda level: level["probes"][probe]["displacement"][axis]
 
 
-def force(region: str, axis: int) -> Callable[[dict], float]:
+def force(region, axis):
     """Force on a region along an axis."""
     return lambda level: level["forces"][region][axis]
 
@@ -95,7 +94,7 @@ def force(region: str, axis: int) -> Callable[[dict], float]:
 INNER, OUTER = radial("inner", "inner-diagonal"), radial("outer", "outer-diagonal")
 
 
-def ring(level: int, inner: float, outer: float, **changes) -> Case:
+def ring(level, inner, outer, **changes):
     """The ring at one of its pressures."""
     return loaded(
         "ring-pressure",
@@ -191,12 +190,10 @@ bonded edges; of 8 a side one.
 """
 
 
-def of_result(
-    run: Callable[[float], pds.Result], read: Callable[[pds.Result], dict[str, float]], *points: int
-) -> Case:
+def of_result(run, read, *points):
     """A run by spacing, of which errors are read; `points` are numbers a side of 1."""
 
-    def measure(spacing: float) -> Errors:
+    def measure(spacing):
         result = run(spacing)
         for name, error in read(result).items():
             yield name, error, result.summary["n_force_evaluations"]
@@ -204,10 +201,10 @@ def of_result(
     return Case(measure, tuple(1 / one for one in points or (8, 16, 24, 32)))
 
 
-def bonded(name: str, length: float, bulk_modulus: float, stretch: float) -> Case:
+def bonded(name, length, bulk_modulus, stretch):
     """A block between bonded plates: an eighth of it, between planes of symmetry."""
 
-    def run(spacing: float) -> pds.Result:
+    def run(spacing):
         scene = {
             "name": "bonded-eighth",
             "spacing": spacing,
@@ -224,7 +221,7 @@ def bonded(name: str, length: float, bulk_modulus: float, stretch: float) -> Cas
         }
         return pds.simulate(pds.Scene(**scene))
 
-    def read(result: pds.Result) -> dict[str, float]:
+    def read(result):
         reference, points = DATA[name], round(1 / result.scene.spacing)
         cells = round(length * points / 2), points // 2, points // 2
         body, fields = result.body, result.states[-1][1]
@@ -253,14 +250,14 @@ def bonded(name: str, length: float, bulk_modulus: float, stretch: float) -> Cas
     return of_result(run, read)
 
 
-def field_of(reference: dict, axes: str, values: str, components: int) -> RegularGridInterpolator:
+def field_of(reference, axes, values, components):
     """A field of a reference, as a function of places."""
     grid = [np.array(reference[f"{axes}{axis}"]) for axis in (1, 2, 3)]
     found = np.array(reference[values]).reshape(*(len(axis) for axis in grid), components)
     return RegularGridInterpolator(grid, found if components > 1 else found[..., 0], method="cubic")
 
 
-def at_side(values: np.ndarray) -> float:
+def at_side(values):
     """Value in the middle of a side from those of an eighth: even across its planes of symmetry,
     a parabola to the surface.
     """
@@ -269,7 +266,7 @@ def at_side(values: np.ndarray) -> float:
     return (15 * line[-1] - 10 * line[-2] + 3 * line[-3]) / 8
 
 
-def read_torsion(result: pds.Result) -> dict[str, float]:
+def read_torsion(result):
     """Errors of torque, axial force and displacements of the scene of the package."""
     reference, level = DATA["cube_torsion60_K100"], result.levels[-1]
     expected = field_of(reference, "x", "u", 3)(result.body.points)
@@ -281,10 +278,10 @@ def read_torsion(result: pds.Result) -> dict[str, float]:
     }
 
 
-def inflation(level: int) -> Case:
+def inflation(level):
     """The thick sphere of the package at one of its pressures."""
 
-    def read(result: pds.Result) -> dict[str, float]:
+    def read(result):
         places, volumes, moved = (
             result.body.points,
             result.body.volumes,
@@ -306,7 +303,7 @@ def inflation(level: int) -> Case:
     return of_result(scene_of("inflation"), read, 8, 12, 16, 24, 32, 40, 48)
 
 
-def scene_of(name: str) -> Callable[[float], pds.Result]:
+def scene_of(name):
     """A run of a scene of the package, by spacing."""
     return lambda spacing: ran(name, json.dumps({"solver.tolerance": 1e-5}), spacing, None)
 
@@ -322,10 +319,10 @@ SOLID = {
 }
 
 
-def pressed(model: str, bulk_modulus: float, stretch: float) -> Case:
+def pressed(model, bulk_modulus, stretch):
     """The bonded block in plane strain."""
 
-    def run(spacing: float) -> pds.Result:
+    def run(spacing):
         changes = {
             "material.bulk_modulus": bulk_modulus,
             "spacing": spacing,
@@ -334,7 +331,7 @@ def pressed(model: str, bulk_modulus: float, stretch: float) -> Case:
         }
         return pds.simulate(pds.load_scene("plane-strain-block", changes), model)
 
-    def read(result: pds.Result) -> dict[str, float]:
+    def read(result):
         level, bulge = result.levels[-1], "greatest_lateral_displacement_error"
         return {"force": 100 * level["nominal_stress_error"], "bulge": 100 * level[bulge]}
 

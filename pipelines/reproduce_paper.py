@@ -45,7 +45,7 @@ column of points at each end, the factor (24)-(25), and a network that is used w
 """
 
 
-def uniaxial(title: str, force: str, *changes: str):
+def uniaxial(title, force, *changes):
     """6.2: errors against the exact slightly compressible solution at three stretches, and
     roughness at the last.
     """
@@ -88,7 +88,7 @@ KEYS = {
 }
 
 
-def compared(section: str, scene: str, changes: dict, quantity: str, paper: dict[float, float]):
+def compared(section, scene, changes, quantity, paper):
     """Results at the stretches for which there is a reference."""
     key = KEYS[quantity]
     for level in pds.simulate(pds.load_scene(scene, changes)).levels:
@@ -103,10 +103,10 @@ CONVERGING = {"pure-shear": 2.0, "hole": 1.2}
 """Scenes of the convergence, with their stretches."""
 
 
-def converging(scene: str) -> Case:
+def converging(scene):
     """Errors against spacing at a fixed horizon of 3.15 spacings."""
 
-    def measure(spacing: float):
+    def measure(spacing):
         changes = {"spacing": spacing, "stretches": CONVERGING[scene]}
         result = pds.simulate(pds.load_scene(scene, changes), "analytic")
         for name, key in (("nominal stress", KEYS[STRESS]), ("largest u1", KEYS[SIDE])):
@@ -116,7 +116,7 @@ def converging(scene: str) -> Case:
     return Case(measure, (0.05, 0.025, 0.0125))
 
 
-def restoring(force: str):
+def restoring(force):
     """Section 3, Fig. 2: the force that drives a single displaced point back, in mu/dx."""
     spacing, law = 0.05, pds.materials.NeoHookean()
     body = pds.Body.rectangle(1.05, 1.05, spacing, 3.15 * spacing)
@@ -137,7 +137,7 @@ critical stretch and spacing.
 """
 
 
-def torn(title: str, spacing: float):
+def torn(title, spacing):
     """6.5: what depends on the spacing, and Figs. 14 and 15."""
     # 0.03 does not divide 11 cm.
     changes = {"spacing": spacing, "body.size": [round(11.0 / spacing) * spacing, 3.0]}
@@ -167,7 +167,7 @@ def voids():
     save(result.figure(), FIGURES / "figure-17.png")
     horizon, entries = result.body.horizon, result.summary["crack"]["tips"]
 
-    def where(met) -> list[float]:
+    def where(met):
         return [entry["stretch"] for entry in entries if any(map(met, entry["tips"]))]
 
     # A tip on the central void, with nothing broken between it and the side voids' cracks.
@@ -197,7 +197,7 @@ def pictures():
     yield list(drawn)
 
 
-def fields(component: int, number: int, panels: dict) -> Figure:
+def fields(component, number, panels):
     """Displacement fields side by side: results at an output, and finite element grids."""
     figure = Figure(figsize=(7.2, 2.6), layout="constrained")
     moved = [

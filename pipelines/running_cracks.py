@@ -66,7 +66,7 @@ ROWS, RATIO, VISCOSITY = 20, 3.15, 0.3
 LADDER = [(1.6,), (2.0,), (2.3,), (2.6,), (2.8,)]
 
 
-def wave_speeds(F: np.ndarray, normal) -> np.ndarray:
+def wave_speeds(F, normal):
     """Speeds of plane waves of small amplitude along a unit vector in the stretched sheet, at a
     density of 1, in ascending order: theory (88), by differences of fourth order.
     """
@@ -80,7 +80,7 @@ def wave_speeds(F: np.ndarray, normal) -> np.ndarray:
     return np.sqrt(np.linalg.eigvalsh((tensor + tensor.T) / 2))
 
 
-def scene(across: float) -> pds.Scene:
+def scene(across):
     spacing, middle, duration = 1 / ROWS, HEIGHT / 2, TRAVEL / (0.45 * across - 0.08)
     beside = {"material": LAW.describe(), "fracture": {"critical_stretch": CRITICAL}}
     weak = {"between": ["above", "below"], "critical_stretch": across * (1 + JOLT / 6)}
@@ -112,7 +112,7 @@ def scene(across: float) -> pds.Scene:
     )
 
 
-def measured(across: float):
+def measured(across):
     """Speeds of the crack, over those of waves, Mach's relation (89) by the slope of the front, and
     error of the energy balance; the last sheet is drawn.
     """
@@ -130,7 +130,7 @@ def measured(across: float):
     if arrivals[columns < WINDOW[-1]].max() == np.inf:
         raise ValueError(f"{across}: the tip does not come to {WINDOW[-1]}; give a longer TRAVEL")
 
-    def speed(begin: float, end: float) -> float:
+    def speed(begin, end):
         chosen = (columns > begin) & (columns < end)
         return float(1 / np.polyfit(columns[chosen], arrivals[chosen], 1)[0])
 
@@ -152,9 +152,7 @@ def measured(across: float):
     yield across, crack, halves, *ratios, mach, gap, len(points)
 
 
-def front(
-    points: np.ndarray, stretch: np.ndarray, tip: float, ahead: float, spacing: float
-) -> float:
+def front(points, stretch, tip, ahead, spacing):
     """Slope against the crack, in the undeformed body, of the line where the stretch across it
     has dropped by a tenth; NaN without one.
     """
@@ -173,7 +171,7 @@ def front(
     return float(np.polyfit(behind, heights, 1)[0]) if len(behind) > 9 else np.nan
 
 
-def draw(points: np.ndarray, stretch: np.ndarray, across: float, mach: float) -> None:
+def draw(points, stretch, across, mach):
     """The stretch around the fastest crack, by places from its tip, and Mach's lines."""
     drawing = Figure(figsize=(4.5, 3.6), layout="constrained")
     body, slope = drawing.subplots(), 1 / np.sqrt(mach**2 - 1)

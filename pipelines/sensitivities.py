@@ -48,7 +48,7 @@ TERMS = {
 }
 
 
-def numbers(**places: str) -> list[str]:
+def numbers(**places):
     """Names of numbers of some arrays."""
     return [
         f"{key.replace('__', '.')}.{place}" for key, of in places.items() for place in of.split()
@@ -121,7 +121,7 @@ title begins with, parameters and outputs.
 """
 
 
-def by_runs(scene: pds.Scene, force: str, names: tuple[str, ...], parameter: str) -> np.ndarray:
+def by_runs(scene, force, names, parameter):
     """Derivatives of measurements by a parameter, from four runs."""
     models = checked_models(scene, pds.load_surrogate(force))
     array, known = array_of(parameter, models), numbers_in(scene, models)
@@ -161,7 +161,7 @@ def by_runs(scene: pds.Scene, force: str, names: tuple[str, ...], parameter: str
     return (4 * near - far) / 3
 
 
-def measured(title: str, spacings, force: str, changes: dict, parameters: list, outputs: list):
+def measured(title, spacings, force, changes, parameters, outputs):
     """Greatest difference of derivatives, over the greatest by the same parameter, and times."""
     fine, coarse = (
         pds.load_scene(title.split("`")[1], changes | {"spacing": spacing}) for spacing in spacings

@@ -24,7 +24,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -218,16 +217,14 @@ class NotRun(SystemExit):
     """What a commit was asked is unknown to it or failed; the message is its own."""
 
 
-def environment(path: Path, **more: str) -> dict[str, str]:
+def environment(path, **more):
     """The variables of processes of a checkout."""
     # Threads that turn for milliseconds after their work would take the cores from the process
     # whose turn is next.
     return {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path), **more}
 
 
-def spent(
-    path: Path, *words: str, ranks: int = 0, together: int = 1, status: int = 0, **variables: str
-) -> dict[str, float]:
+def spent(path, *words, ranks=0, together=1, status=0, **variables):
     """Cost of processes of Python that start at once on a checkout, and the figures that the last
     one prints as JSON.
 
@@ -268,7 +265,7 @@ def spent(
 
 
 @contextmanager
-def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
+def server(path, **variables):
     """Context with a function that asks a process of a checkout, which stays alive, for the cost
     of a force.
     """
@@ -277,7 +274,7 @@ def server(path: Path, **variables: str) -> Iterator[Callable[..., float]]:
         command, cwd=path, env=environment(path, **variables), stdin=-1, stdout=-1, text=True
     )
 
-    def ask(*question) -> float:
+    def ask(*question):
         print(json.dumps(question), file=process.stdin, flush=True)
         if not (answer := process.stdout.readline()):
             raise NotRun("a process ended without an answer; what it said is above")
@@ -304,7 +301,7 @@ class Cost:
     status: int = 0
     ranks: int = 0
 
-    def __call__(self, path: Path) -> dict[str, float]:
+    def __call__(self, path):
         if self.empty:
             for cache in path.rglob("__pycache__"):
                 shutil.rmtree(cache)
@@ -312,19 +309,19 @@ class Cost:
             path, *self.words, ranks=self.ranks, together=self.together, status=self.status
         )
 
-    def prepare(self, path: Path) -> None:
+    def prepare(self, path):
         """Fill the caches."""
         if not self.empty:
             spent(path, *(self.first or self.words), ranks=self.ranks, status=self.status)
 
 
 def run(
-    scene: str,
-    changes: dict | None = None,
-    coarse: dict | None = None,
-    force: str | None = None,
+    scene,
+    changes=None,
+    coarse=None,
+    force=None,
     **more,
-) -> Cost:
+):
     """Cost of a run; one with `coarse` changes fills the caches."""
     words = [
         ("-c", RUN, json.dumps([scene, {**(changes or {}), **other}, force]))
@@ -333,7 +330,7 @@ def run(
     return Cost(words[0], first=words[1], **more)
 
 
-def command(*words: str, **more) -> Cost:
+def command(*words, **more):
     """Cost of a command of the package."""
     return Cost(("-m", "pdsurrogate", *words), **{"turns": 9, **more})
 
@@ -423,7 +420,7 @@ two; `forces` times them.
 
 
 @contextmanager
-def checkouts(references: list[str]) -> Iterator[list[Path]]:
+def checkouts(references):
     """Context with a folder for each commit."""
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / str(number) for number in range(len(references))]
@@ -444,9 +441,7 @@ def checkouts(references: list[str]) -> Iterator[list[Path]]:
                 )
 
 
-def in_turns(
-    paths: list[Path], turns: int, measure: Callable[[int], dict[str, float]]
-) -> list[dict[str, list[float]]]:
+def in_turns(paths, turns, measure):
     """Figures of all turns by quantity, of each checkout; each goes first in every other turn."""
     figures, gone = [{} for _ in paths], set()
     for turn in range(turns):
@@ -460,7 +455,7 @@ def in_turns(
     return figures
 
 
-def show(name: str, figures: list[dict[str, list[float]]]) -> None:
+def show(name, figures):
     """Print the medians of each quantity, and the median of the ratios of two commits."""
     for quantity in dict.fromkeys(key for of in figures for key in of):
         values = [of.get(quantity, []) for of in figures]
@@ -477,7 +472,7 @@ def show(name: str, figures: list[dict[str, list[float]]]) -> None:
         )
 
 
-def costs(names: list[str], paths: list[Path], turns: int | None) -> None:
+def costs(names, paths, turns):
     """Costs by name, of one checkout or of two."""
     for name in names:
         if name == "forces":
@@ -631,7 +626,7 @@ def of_threads():
         yield setting, *medians
 
 
-def on_ranks(name: str, points: int, ranks: int, threads: int = 1) -> dict:
+def on_ranks(name, points, ranks, threads=1):
     """The figures of `RANK` for a scene with about so many points."""
     scene = pds.load_scene(name)
     lower, upper = map(np.array, scene.body.bounds())
@@ -808,7 +803,7 @@ TABLES = {
 """Tables of this checkout, by the names of their blocks in the documentation."""
 
 
-def main() -> None:
+def main():
     others = ["forces", *COSTS]
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter

@@ -14,17 +14,16 @@ hours on one core of 2 GHz.
 import json
 import time
 from collections import Counter
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import scipy
-from cases import Figures, Study, report, stored
+from cases import Study, report, stored
 from pages import markdown_table
 
 import pdsurrogate as pds
-from pdsurrogate.materials import Law, homogeneous
+from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters
 
 TABLE = Path(pds.__file__).resolve().parent / "scenes" / "tip_diameters.json"
@@ -114,17 +113,17 @@ rows at its end do not matter.
 """
 
 
-def high_enough(case: dict) -> bool:
+def high_enough(case):
     """Whether a strip is high enough for its critical stretch."""
     return case["rows"] >= LEAST_HEIGHT * case["critical"] * case["ratio"]
 
 
-def guess(case: dict) -> float:
+def guess(case):
     """Diameter in horizons by which critical stretches, or the travel at the peak, are chosen."""
     return GUESS.get(case["model"], GUESS.get(case["ratio"], 0.9))
 
 
-def law_of(case: dict) -> Law:
+def law_of(case):
     """Law of the material: neo-Hookean, or with a `limit` of the chains that of Gent."""
     bulk = case.get("bulk", BULK)
     return (
@@ -134,12 +133,12 @@ def law_of(case: dict) -> Law:
     )
 
 
-def layers_of(case: dict) -> int:
+def layers_of(case):
     """Points through the thickness of a strip in space."""
     return case.get("layers", THICKER.get(case["ratio"], LAYERS))
 
 
-def density_of(case: dict) -> float:
+def density_of(case):
     """Expected G over height of a case."""
     if "critical" not in case:
         return case.get("energy", ENERGY)
@@ -151,7 +150,7 @@ def density_of(case: dict) -> float:
     )
 
 
-def expected_travel(case: dict) -> float:
+def expected_travel(case):
     """Travel of the grip of a strip of height 1 at which pure shear has the expected energy."""
     law, density = law_of(case), density_of(case)
     return scipy.optimize.brentq(
@@ -159,7 +158,7 @@ def expected_travel(case: dict) -> float:
     )
 
 
-def cases(study: str) -> dict[str, dict]:
+def cases(study):
     """All tears of a study by their names, such as "model=bond-energy plane=stress ratio=2.2
     rows=16", which stand in its JSON; figures of those without a peak, or not torn yet, are empty.
     """
@@ -172,12 +171,12 @@ def cases(study: str) -> dict[str, dict]:
 
 
 def strip(
-    case: dict,
-    critical: float | None = None,
-    precut: float | None = None,
-    end: float | None = None,
-    **dynamics: float,
-) -> pds.Scene:
+    case,
+    critical=None,
+    precut=None,
+    end=None,
+    **dynamics,
+):
     """The body of a case: torn (with other settings of its `dynamics`), or with `end` brought
     into equilibrium at a travel of the grip.
     """
@@ -257,7 +256,7 @@ def strip(
     )
 
 
-def sliding(prescribed: list[dict]) -> list[dict]:
+def sliding(prescribed):
     """Grips that leave the direction along them free; the far end of the strip is a plane of
     symmetry.
     """
@@ -266,7 +265,7 @@ def sliding(prescribed: list[dict]) -> list[dict]:
     return [*prescribed, {"region": "right", "name": "end", "x1": 0.0}]
 
 
-def eased(first: float, last: float) -> list[list[float]]:
+def eased(first, last):
     """Amplitude of a grip whose speed rises from zero at a travel."""
     ease, later = EASED * first / PULLED[0], np.linspace(0, last - first, 200)
     return [
@@ -277,7 +276,7 @@ def eased(first: float, last: float) -> list[list[float]]:
     ]
 
 
-def pulls(case: dict, forces) -> np.ndarray:
+def pulls(case, forces):
     """Forces of the moving grip along its travel, over the thickness."""
     turn = np.radians(case.get("angle", 0))
     thickness = layers_of(case) / case["rows"] if case["plane"] == "space" else 1.0
@@ -287,7 +286,7 @@ def pulls(case: dict, forces) -> np.ndarray:
     )
 
 
-def released(case: dict, travel: float) -> float:
+def released(case, travel):
     """-dE/da at a travel: the works of the grips on two bodies whose precuts differ."""
     works = []
     for precut in case.get("precut", PRECUT) + np.array([-OFFSET, OFFSET]) / (
@@ -306,7 +305,7 @@ def released(case: dict, travel: float) -> float:
     return float((large - small) / (long - short))
 
 
-def torn(case: dict, **dynamics: float) -> dict:
+def torn(case, **dynamics):
     """Figures of one tear."""
     began, horizon = time.process_time(), case["ratio"] / case["rows"]
     law = law_of(case)
@@ -355,7 +354,7 @@ def torn(case: dict, **dynamics: float) -> dict:
     }
 
 
-def repeated(tear: Callable[..., dict], case: dict):
+def repeated(tear, case):
     """A case with the figures of its tear, which is repeated with shorter time steps if it becomes
     unstable.
     """
@@ -365,12 +364,12 @@ def repeated(tear: Callable[..., dict], case: dict):
         yield case | tear(case, safety=SAFER)
 
 
-def tears_of(name: str) -> list[dict]:
+def tears_of(name):
     """Tears of a study so far."""
     return [tear for tears in stored(name).values() for tear in tears]
 
 
-def strips() -> list[dict]:
+def strips():
     """Turned strips of `crack_directions.py`, and the diameters of their tips."""
     found = []
     for case in tears_of("crack-directions"):
@@ -380,7 +379,7 @@ def strips() -> list[dict]:
     return found
 
 
-def told(case: dict) -> tuple:
+def told(case):
     """Family of the force model, plane, arrangement and horizon of a tear; those of other force
     models have their names.
     """
@@ -392,7 +391,7 @@ def told(case: dict) -> tuple:
     )
 
 
-def measured() -> list[dict]:
+def measured():
     """All measured cases: the mean along a row over spacings, or over clouds, the tears that it
     averages, and a diameter if settled.
     """
@@ -425,12 +424,12 @@ def measured() -> list[dict]:
     return entries
 
 
-def case_of(entry: dict) -> tuple:
+def case_of(entry):
     """What `told` returns of the tears of an entry."""
     return tuple(entry[key] for key in ("family", "plane", "arrangement", "horizon_ratio"))
 
 
-def table() -> list[dict]:
+def table():
     """Entries of the package's table: the measured cases that have diameters at two critical
     stretches or more.
     """
@@ -439,7 +438,7 @@ def table() -> list[dict]:
     return [entry for entry in settled if several[case_of(entry)] > 1]
 
 
-def diameters(figures: Figures) -> str:
+def diameters(figures):
     """The table of the page, and that of the package, an entry to a line."""
     TABLE.write_text("[\n" + ",\n".join(map(json.dumps, table())) + "\n]\n", "utf-8")
     measured_diameters.cache_clear()
@@ -461,7 +460,7 @@ def diameters(figures: Figures) -> str:
     return markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows)
 
 
-def others(figures: Figures) -> str:
+def others(figures):
     """Tears of other bodies and force models."""
     rows, found = (
         [],
@@ -500,7 +499,7 @@ def others(figures: Figures) -> str:
     return markdown_table(head, rows)
 
 
-def cell(entry: dict) -> str:
+def cell(entry):
     """Mean, deviation and number of the tears of an entry, in brackets if it gives no diameter."""
     tears = entry.get("rows", {}) | entry.get("seeds", {})
     if "mean" not in entry:
@@ -509,7 +508,7 @@ def cell(entry: dict) -> str:
     return text if "diameter" in entry else f"({text})"
 
 
-def span(values: list[float]) -> str:
+def span(values):
     """Least and greatest value."""
     return (
         f"{min(values):.2f} to {max(values):.2f}"
@@ -518,7 +517,7 @@ def span(values: list[float]) -> str:
     )
 
 
-def judged() -> dict[tuple, dict[str, list[float]]]:
+def judged():
     """G at the peak over the prescribed one by case and kind of tear, of tears that the table does
     not average.
 
@@ -551,7 +550,7 @@ def judged() -> dict[tuple, dict[str, list[float]]]:
     return found
 
 
-def error_of(entries: list[dict], ratios: list[float]) -> float:
+def error_of(entries, ratios):
     """Standard error of the mean of some ratios, together with the greatest one of the entries
     of their case, if clouds have them.
     """
@@ -563,7 +562,7 @@ def error_of(entries: list[dict], ratios: list[float]) -> float:
     return float(np.hypot(np.std(ratios, ddof=1) / np.sqrt(len(ratios)), max(tips, default=0.0)))
 
 
-def peaks(figures: Figures) -> str:
+def peaks(figures):
     """G at the peak over the prescribed one, for every judged case."""
     rows, entries = [], table()
     for case, ratios in judged().items():
@@ -593,7 +592,7 @@ def peaks(figures: Figures) -> str:
     )
 
 
-def averaged(entries: list[dict], ratios: list[float]) -> str:
+def averaged(entries, ratios):
     """Mean, standard error and number of some ratios of a case with these entries in the table."""
     return (
         f"{np.mean(ratios):.2f} ± {error_of(entries, ratios):.2f} ({len(ratios)})"

@@ -80,7 +80,7 @@ class Block:
     end: int
 
 
-def blocks_of(page: str) -> list[Block]:
+def blocks_of(page):
     """Return the blocks of a page; a block is the content of the file that the paragraph before
     it names, as in "This is `sheet.py`:".
     """
@@ -98,7 +98,7 @@ def blocks_of(page: str) -> list[Block]:
     return found
 
 
-def command_of(block: Block) -> str:
+def command_of(block):
     """Return what is typed of a block of commands: all of it, or the end of one that sets up an
     environment.
     """
@@ -107,7 +107,7 @@ def command_of(block: Block) -> str:
     return block.text
 
 
-def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
+def type_in(page, folder, **variables):
     """Do in a folder what a page says, and return what its blocks of Python and of commands print.
 
     First the files are written, then all Python runs as one script, then the commands.  A block
@@ -124,7 +124,7 @@ def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
     paths = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": paths, "COLUMNS": "80", "MPLBACKEND": "agg", **variables}
 
-    def printed_by(command: list[str]) -> str:
+    def printed_by(command):
         done = subprocess.run(
             command,
             cwd=folder,
@@ -151,7 +151,7 @@ def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
     return printed
 
 
-def outputs_of(page: Path) -> dict[Block, Block]:
+def outputs_of(page):
     """Return the output that a page shows: each ``text`` block by the block of Python or of
     commands before it.
     """
@@ -159,20 +159,20 @@ def outputs_of(page: Path) -> dict[Block, Block]:
     return {before: block for before, block in pairwise(blocks) if block.kind == "text"}
 
 
-def _unit(number: str) -> float:
+def _unit(number):
     """Return one unit of the last digit of a printed number."""
     digits, _, exponent = number.partition("e")
     return 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
 
 
-def _same_number(shown: str, printed: str) -> bool:
+def _same_number(shown, printed):
     a, b = float(shown), float(printed)
     if 0 < abs(a) < SMALL:
         return 1 / FACTOR <= b / a <= FACTOR
     return abs(a - b) <= 1.01 * _unit(shown) + RELATIVE * abs(a)
 
 
-def _same_line(shown: str, printed: str) -> bool:
+def _same_line(shown, printed):
     if DURATION.search(shown):
         return bool(DURATION.search(printed))
     # A number with more digits moves what follows it, and the lines of a table.
@@ -184,14 +184,14 @@ def _same_line(shown: str, printed: str) -> bool:
     )
 
 
-def same_output(shown: str, printed: str) -> bool:
+def same_output(shown, printed):
     """Return whether a page shows what was printed, numbers within the tolerances above; a line
     ``...`` stands for any number of lines.
 
     Lines with a time or a memory size are there in both, but are not compared.
     """
 
-    def same(shown: list[str], printed: list[str]) -> bool:
+    def same(shown, printed):
         if not shown:
             return not printed
         if shown[0] == "...":
@@ -203,7 +203,7 @@ def same_output(shown: str, printed: str) -> bool:
     )
 
 
-def pictures_of(page: Path, folder: Path) -> dict[Path, Path]:
+def pictures_of(page, folder):
     """Return the pictures on a page, as files of the documentation, that the page has drawn in
     the folder, with what it has drawn.
     """
@@ -211,7 +211,7 @@ def pictures_of(page: Path, folder: Path) -> dict[Path, Path]:
     return {target: drawn for target in targets for drawn in sorted(folder.rglob(target.name))[:1]}
 
 
-def update(page: Path) -> None:
+def update(page):
     """Type a page, and replace the output and the pictures on it that are no longer those of its
     commands.
     """
@@ -230,7 +230,7 @@ def update(page: Path) -> None:
             shutil.copyfile(drawn, target)
 
 
-def notebook_of(page: Path) -> str:
+def notebook_of(page):
     """Return a tutorial as a notebook without output: Python and files as cells, commands with
     ``!``, and the pictures they draw.
     """
@@ -239,7 +239,7 @@ def notebook_of(page: Path) -> str:
 
     content, cells = page.read_text("utf-8"), []
 
-    def add_text(text: str) -> None:
+    def add_text(text):
         """Add a cell of text, and one for each picture on it; links lead nowhere from a notebook
         that stands alone.
         """

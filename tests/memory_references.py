@@ -4,6 +4,7 @@ by SciPy at 1e-10, the vibration of a linear viscoelastic bar, and finite elemen
 
 import itertools
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,13 +34,14 @@ are free of stress.
 @dataclass(frozen=True)
 class Rubber:
     """Neo-Hookean rubber with U = K/8 (J - 1/J)^2, branches (modulus, time) and softening (r, m,
-    beta).
+    beta). Branches may be faster by a `factor` of their overstresses (n).
     """
 
     mu: float = 1.0
     K: float = 100.0
     branches: tuple = ()
     softening: tuple | None = None
+    factor: Callable = np.ones_like
 
     def eta(self, W, peak):
         """Factor of Ogden and Roxburgh."""
@@ -120,8 +122,9 @@ class Rubber:
             value = first + (last - first) * (t - begin) / (end - begin)
             overstress = cbar(state(value, C, peak)) / C
             overstress -= overstress.mean(axis=1, keepdims=True)
-            lost = moduli / taus / 2 * (overstress**2).sum(axis=1)
-            return np.r_[(overstress / taus[:, None]).ravel(), lost.sum()]
+            squares = (overstress**2).sum(axis=1) / 2
+            rates = self.factor(moduli * np.sqrt(squares)) / taus
+            return np.r_[(overstress * rates[:, None]).ravel(), (moduli * rates * squares).sum()]
 
         for (begin, end), (first, last) in zip(
             itertools.pairwise(times), itertools.pairwise(values), strict=True

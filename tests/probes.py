@@ -3,17 +3,52 @@
 import numpy as np
 import pytest
 
+from pdsurrogate.testing.subject import forces_at
+
+
+def fourth_order(function, step):
+    """Derivative at zero by central differences of fourth order."""
+    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (
+        12 * step
+    )
+
+
+def assert_slope(force, positions, directions, step=2e-5, tolerance=1e-7):
+    """Forces against the slopes of the energy along directions by differences of fourth order, to
+    a part of the greatest force; return the forces.
+    """
+    out = forces_at(force, positions)
+    for direction in directions:
+
+        def energy(way, direction=direction):
+            forces_at(force, positions + way * direction)
+            return force.energy()
+
+        scale = np.abs(out).max() * np.linalg.norm(direction)
+        assert abs((out * direction).sum() + fourth_order(energy, step)) < tolerance * scale
+    return out
+
+
+def directions_of(random, body, number, targets):
+    """So many random directions, and some that move the single points nearest to targets."""
+    found = [random.standard_normal(body.points.shape) for _ in range(number)]
+    for target in targets:
+        single = np.zeros_like(body.points)
+        nearest = np.linalg.norm(body.points - target, axis=1).argmin()
+        single[nearest] = [0.6, 0.8] if body.dimension == 2 else [0.6, 0.48, 0.64]
+        found.append(single)
+    return found
+
 
 def assert_forces_are_slopes_of_the_energy(force, positions, found, random, step):
     """Forces found at given positions against central differences of the energy along three
     random directions, to 1e-8.
     """
-    out = np.empty_like(positions)
     for _ in range(3):
         direction = random.uniform(-1, 1, positions.shape)
         ends = []
         for sign in (1, -1):
-            force(positions + sign * step * direction, out)
+            forces_at(force, positions + sign * step * direction)
             ends.append(force.energy())
         assert (ends[1] - ends[0]) / (2 * step) == pytest.approx(
             (found * direction).sum(), abs=1e-8 * np.abs(found * direction).sum()

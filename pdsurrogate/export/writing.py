@@ -149,6 +149,11 @@ def exported(source: Source, target: str) -> str:
             f" {' and '.join(source.law.memory.describe())}; export to felupe or umat, which keep"
             " state variables"
         )
+    if source.law.memory.thinning:
+        raise ValueError(
+            f"{source.law.name}: relaxation times that depend on the overstress are not exported,"
+            " only constant ones"
+        )
     if source.law.memory and source.is_sheet:
         raise ValueError(
             f"{source.title}: the learned energy of a sheet has no thickness, which its branches"

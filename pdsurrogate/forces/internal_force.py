@@ -536,6 +536,20 @@ def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
     return None if None in parts else sum(parts)
 
 
+def settle(force: InternalForce, positions: np.ndarray) -> bool:
+    """Determine anew, at an equilibrium at `positions` (n, d), what the first evaluation of a step
+    has determined for all of them: how fast branches relax whose times depend on the overstress.
+
+    Return whether forces have changed, so that the equilibrium has to be found again.
+    """
+    settling = [term for term in force.terms if term.settles]
+    if not settling:
+        return False
+    force.place(positions)
+    changed = [term.settle() for term in settling]
+    return force.body.share.any(any(changed))
+
+
 def stored_by(force: InternalForce) -> float:
     """Return the energy stored at the positions last evaluated in the history last accepted;
     `InternalForce.energy`, of which the forces are the derivative, may contain what a step

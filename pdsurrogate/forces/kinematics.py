@@ -287,7 +287,7 @@ class Kinematics:
         return [self._place, *form, *before, self.gradients, *on_ghosts, *after]
 
     @cached_property
-    def _place_and_form(self) -> Steps:
+    def place_and_form(self) -> Steps:
         """Sequence of `steps`, for terms that do not run these with their own."""
         return Steps(self.body.share, *self.steps())
 
@@ -309,7 +309,7 @@ class Kinematics:
         """
         self.set_positions(positions)
         if form:
-            self._place_and_form()
+            self.place_and_form()
             self.formed = True
         else:
             self._place_alone()

@@ -99,6 +99,7 @@ class PairEnergy(MaterialTerm):
             if points.law.memory
         ]
         self._begun = not self._memories
+        self.settles = any(memory.follows_positions for memory in self._memories)
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
         self._on_jumps = None if whole else np.zeros((len(body), d))
@@ -198,19 +199,32 @@ class PairEnergy(MaterialTerm):
 
     def _begin(self) -> None:
         """Compute what evaluations need of the history, once for a state and a time."""
+        if self.settles:
+            self.kinematics.place_and_form()
+            self._see()
         for memory in self._memories:
             memory.begin(self.kinematics.elapsed)
         self._begun = True
 
+    def settle(self) -> bool:
+        self._see()
+        elapsed = self.kinematics.elapsed
+        changed = [memory.settle(elapsed) for memory in self._memories]
+        return any(changed)
+
     def accept(self, elapsed: float) -> None:
-        self.kinematics.form_gradients()
+        self._see()
         if not self._begun:
             self._begin()
+        for memory in self._memories:
+            memory.accept(elapsed)
+
+    def _see(self) -> None:
+        """Bring the gradients up to date, as every material sees them."""
+        self.kinematics.form_gradients()
         for points in self.materials:
             for step in points.seen:
                 step()
-        for memory in self._memories:
-            memory.accept(elapsed)
 
     def energy(self) -> float:
         return self._energy

@@ -13,10 +13,16 @@ from ..kernels import selective_memory
 from ..kernels.branches import GREATEST, tensors_of
 from ..kernels.softening import soften
 from ..materials import PLANES
+from ..materials.memory import padded_knots
 from .binding import Binding
 from .kinematics import Kinematics, matrices
 from .pair_passes import bond_gradients
 from .term import StateArray
+
+UNCHANGED = 1e-3
+"""Relative change of the relaxation times that pass in a step that is none: an overstress changes
+by less.
+"""
 
 
 class PairMemory:
@@ -73,6 +79,8 @@ class PairMemory:
         numbers = np.zeros(len(part.forces), dtype=np.uint32)
         numbers[: len(own)] = own
         rows = branches * tensors.STEP + 2 * softened
+        thinning = law.memory.thinning
+        passed = aligned_rows((len(part.geometry) * thinning, branches, BLOCK))
         coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
         memory = buffers if precision == "float64" else aligned_rows(buffers.shape, precision, 1)
@@ -84,6 +92,7 @@ class PairMemory:
             *(0.0, 1.0),
             numbers,
             self._times,
+            passed,
             self._softening,
             GREATEST[precision],
             history,
@@ -101,11 +110,16 @@ class PairMemory:
             len(own),
             self._moduli,
             self._times,
+            passed,
             self._softening,
             coefficients,
             history,
             memory,
             buffers,
+        )
+        self._passed = passed
+        self._passing = (
+            self._passing_times(part, kinematics, volumes, numbers, history) if thinning else None
         )
         self.set_parameters()
         part.memory = self
@@ -135,23 +149,71 @@ class PairMemory:
         )
         return [bound]
 
+    def _passing_times(
+        self, part: Any, kinematics: Kinematics, volumes: np.ndarray, numbers: np.ndarray, history
+    ) -> BoundPass:
+        """Return the pass that finds the relaxation times that pass in a step, of branches whose
+        times depend on the overstress.
+        """
+        from ..kernels import rates  # here, for few branches have such times
+
+        d = part.forces.shape[1]
+        self._found = np.empty_like(self._passed)
+        self._knots = padded_knots(part.points.law.memory.branches)
+        return kinematics.bind(
+            rates.passed_times[d],
+            0.0,
+            *part.places,
+            *part.pairs,
+            volumes,
+            numbers,
+            self._times,
+            self._knots,
+            history,
+            aligned_rows((kinematics.chunks.threads, rates.search_rows(d), BLOCK), value=1),
+            self._found,
+        )
+
     def set_parameters(self) -> None:
         """Take the memory of the law of the part's points."""
         law = self._part.points.law
         scaled = law.memory.scaled(1 / law.shear_modulus)
         self._moduli[:] = [branch.modulus for branch in scaled.branches]
         self._times[:] = [branch.time for branch in scaled.branches]
+        if self._passing is not None:
+            self._knots[:] = padded_knots(scaled.branches)
         if scaled.softening is not None:
             self._softening[:] = scaled.softening.r, scaled.softening.m, scaled.softening.beta
         for bound in (self._begin, self._accept):
             bound.give_number("unit", law.shear_modulus)
 
+    @property
+    def follows_positions(self) -> bool:
+        """Whether `begin` depends on the positions."""
+        return self._passing is not None
+
     def begin(self, elapsed: float) -> None:
         """Compute the coefficients of evaluations at a time `elapsed` since the state last
-        accepted.
+        accepted. The positions are the first ones to be tried.
         """
+        if self._passing is not None:
+            self._passing.give_number("elapsed", elapsed)
+            self._passing()
+            self._passed[:] = self._found
         self._begin.give_number("elapsed", elapsed)
         self._begin()
+
+    def settle(self, elapsed: float) -> bool:
+        """Find again, at the positions, how many relaxation times pass in the step; return whether
+        these differ so much that the coefficients of evaluations have changed.
+        """
+        if self._passing is None:
+            return False
+        self._passing()
+        if (np.abs(self._found - self._passed) <= UNCHANGED * self._passed).all():
+            return False
+        self.begin(elapsed)
+        return True
 
     def accept(self, elapsed: float) -> None:
         """Add the state at the positions to the history, a time `elapsed` after the last one."""

@@ -68,6 +68,18 @@ class SheetMemory(PairMemory):
         )
         return [*part.steps, find]
 
+    def begin(self, elapsed: float) -> None:
+        if self.follows_positions:  # by the thickness of a step at that of constant volume
+            self._J3[:] = 1.0
+            super().begin(elapsed)
+            self._find_volumes()
+        super().begin(elapsed)
+
+    def settle(self, elapsed: float) -> bool:
+        if self.follows_positions:
+            self._find_volumes()
+        return super().settle(elapsed)
+
     def accept(self, elapsed: float) -> None:
         self._find_volumes()
         super().accept(elapsed)

@@ -118,6 +118,8 @@ class Term(ABC):
     places : bool
         Whether `find` begins with the steps of `Kinematics.steps`, which place the points and form
         their gradients.
+    settles : bool
+        Whether the first evaluation of a step determines something for the whole step (`settle`).
     correction : str
         Correction of incomplete horizons.
     state : list of StateArray
@@ -133,7 +135,7 @@ class Term(ABC):
     has_energy: ClassVar[bool] = False
     zero_energy_modes: ClassVar[bool] = False
     volume: VolumeEnergy | None = None
-    learned_thickness = places = False
+    learned_thickness = places = settles = False
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
@@ -191,6 +193,14 @@ class Term(ABC):
 
     def elapse(self) -> None:  # noqa: B027 - most terms have no history
         """Take notice that `Kinematics.elapsed` has been set, or the history has been restored."""
+
+    def settle(self) -> bool:
+        """Determine anew, at the positions, what the first evaluation since `elapse` has determined
+        for the whole step; return whether forces have changed.
+
+        Terms that `settle` must override it.
+        """
+        raise NotImplementedError
 
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
         """Add to the history the state at the positions in `kinematics`, reached in a time

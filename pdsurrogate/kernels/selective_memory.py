@@ -8,7 +8,7 @@ a step in time, and `accept_steps` adds an accepted state to the history.
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
-from ..engine.compile import widest_vectors
+from ..engine.compile import inlined, widest_vectors
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import fetch
 from .algebra import ByDimension
@@ -33,6 +33,16 @@ def memory_rows(dimension: int) -> int:
     return buffer_rows(dimension) + 2 * tensors_of(dimension).TENSOR + 2
 
 
+@inlined
+def put_durations(passed, block, branch, h, durations):
+    """Write the relaxation times that pass in a step, `h` or those `passed`, to a row."""
+    for k in range(BLOCK):
+        durations[0, k] = h
+    if passed.shape[0] > 0:
+        for k in range(BLOCK):
+            durations[0, k] = passed[block, branch, k]
+
+
 @ByDimension
 def begin_steps(algebra):
     """Build the pass that computes the coefficients of the branches for trials at a time."""
@@ -41,19 +51,31 @@ def begin_steps(algebra):
 
     @Pass
     def begin_steps(
-        chunk, elapsed, unit, pairs, times, softening, greatest_b, history, buffers, coefficients
+        chunk,
+        elapsed,
+        unit,
+        pairs,
+        times,
+        passed,
+        softening,
+        greatest_b,
+        history,
+        buffers,
+        coefficients,
     ):
         """Write (B, b) of every branch and, with softening, the greatest energy of every pair and
         what it has dissipated to `coefficients` (n_blocks, rows, BLOCK).
 
         `pairs` are the numbers of the pairs in the `history`, C_k of the branches, Cb, the greatest
         energies, and dissipated energies, which are not read; they fill blocks, to which any number
-        may be added. `greatest_b` bounds b, and energies of the history are divided by `unit`.
+        may be added. `passed` are the relaxation times that pass, see `rates`, empty for branches
+        of constant times. `greatest_b` bounds b, and energies of the history are divided by `unit`.
         """
         states, strains, greatest, _ = history
         widest_vectors()
         C_k = block_rows(buffers[chunk.thread])
         Cb = rows_from(C_k, tensor)
+        durations = rows_from(Cb, tensor)
         for block in share_of(coefficients.shape[0], chunk):
             at = block * BLOCK
             into = block_rows(coefficients[block])
@@ -66,9 +88,10 @@ def begin_steps(algebra):
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(states, states.shape[1], pairs, at + k, place, C_k, k)
                 found = rows_from(into, branch * tensors.STEP)
+                put_durations(passed, block, branch, h, durations)
                 for k in range(BLOCK):
                     B, b = tensors.begin_step(
-                        tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), h
+                        tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), durations[0, k]
                     )
                     put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
             if softening.shape[0] > 0:
@@ -247,6 +270,7 @@ def accept_steps(algebra):
         count,
         moduli,
         times,
+        passed,
         softening,
         coefficients,
         history,
@@ -269,6 +293,7 @@ def accept_steps(algebra):
         strains = rows_from(sums, state_rows)
         before = rows_from(strains, before_row)
         C_k = rows_from(before, tensor)
+        durations = rows_from(C_k, tensor)
         states = rows_from(block_rows(memory[chunk.thread]), state_rows)
         result = rows_from(states, STATE_ROWS)
         width = all_states.shape[1]
@@ -317,6 +342,7 @@ def accept_steps(algebra):
                 step = rows_from(steps, branch * tensors.STEP)
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(all_states, width, pairs, at + k, place, C_k, k)
+                put_durations(passed, block, branch, h, durations)
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
                     begun = tensors.tensor_at(C_k, k)
@@ -325,7 +351,7 @@ def accept_steps(algebra):
                     Cb_0 = tensors.tensor_at(before, k)
                     held = tensors.end_step(B, b, Cb_0)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
-                        Cb_0, begun, held, Cb, ended, h
+                        Cb_0, begun, held, Cb, ended, durations[0, k]
                     )
                     put_column(C_k, k, ended)
                 for k in range(size):

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..kernels.branches import weights_of_ends
 from ..kernels.softening import softening_factor
 from .law import InvariantLaw, Law, PrincipalStretchLaw
-from .memory import Softening
+from .memory import Softening, padded_knots
 
 LOGS: dict[str, Callable] = {
     "uniaxial": lambda x, volume: (x, (volume - x) / 2, (volume - x) / 2),
@@ -108,12 +108,14 @@ def stress_history(
         return _solved(law, mode, time, lambda row, x: (along[row], x[0]), 1)
     logs = np.stack(LOGS[mode](along, np.zeros_like(along)), axis=1)
     squares = np.exp(2 * logs)
-    states = branch_states(time, squares, [branch.time for branch in law.memory.branches])
+    branches = law.memory.branches
+    times = [branch.time for branch in branches]
+    states = branch_states(time, squares, times, padded_knots(branches))
     energy, slopes = isochoric(law, logs)
     if law.memory.softening is not None:
         peak = np.maximum.accumulate(energy)
         slopes = softened(law.memory.softening, energy, peak)[:, None] * slopes
-    for number, branch in enumerate(law.memory.branches):
+    for number, branch in enumerate(branches):
         slopes = slopes + branch.modulus * squares / states[:, number]
     return History(time, np.exp(logs), (slopes[:, 0] - slopes[:, 2]) / stretch, states)
 
@@ -201,7 +203,9 @@ def softened(softening: Softening, energy: np.ndarray, peak: np.ndarray) -> np.n
         return softening_factor(energy, peak, (softening.r, softening.m, softening.beta))[0]
 
 
-def branch_states(time: np.ndarray, squares: np.ndarray, times: ArrayLike) -> np.ndarray:
+def branch_states(
+    time: np.ndarray, squares: np.ndarray, times: ArrayLike, knots: np.ndarray | None = None
+) -> np.ndarray:
     """Return the principal values of internal variables, from rest, at squares of isochoric
     principal stretches with fixed axes.
 
@@ -212,6 +216,8 @@ def branch_states(time: np.ndarray, squares: np.ndarray, times: ArrayLike) -> np
     squares : ndarray, shape (n, ..., 3)
     times : array-like, shape (n_branches,)
         Relaxation times.
+    knots : ndarray, shape (n_branches, 2, n_knots), optional
+        Of times that depend on the overstress, see `pdsurrogate.materials.Branch.knots`.
 
     Returns
     -------
@@ -222,26 +228,54 @@ def branch_states(time: np.ndarray, squares: np.ndarray, times: ArrayLike) -> np
     steps = np.diff(time, axis=0)[..., None] / times
     squares = squares[..., None, :]
     for row, step in enumerate(steps, start=1):
-        found[row] = advanced(found[row - 1], squares[row - 1], step)(squares[row])
+        found[row] = advanced(found[row - 1], squares[row - 1], step, knots)(squares[row])
     return found
 
 
-def advanced(states: np.ndarray, before: np.ndarray, step: np.ndarray) -> Callable:
+def advanced(
+    states: np.ndarray, before: np.ndarray, step: np.ndarray, knots: np.ndarray | None = None
+) -> Callable:
     """Return the function that gives internal variables (..., n_branches, 3) after a step by the
     squares of stretches (..., 1, 3) at its end.
 
     `step` (..., n_branches) is the time of the step over the relaxation times, `before` (..., 1, 3)
-    are the squares at the beginning.
+    are the squares at the beginning, `knots` those of times that depend on the overstress.
     """
-    decay, begin, end = weights_of_ends(step * (before / states).sum(axis=-1) / 3)
-    known = decay[..., None] * states + (step * begin)[..., None] * before
-    weight = (step * end)[..., None]
+    rate = (before / states).sum(axis=-1) / 3
 
-    def at(after: np.ndarray) -> np.ndarray:
-        grown = known + weight * after
-        return grown / np.cbrt(grown.prod(axis=-1, keepdims=True))
+    def after_times(passed: np.ndarray) -> Callable:
+        decay, begin, end = weights_of_ends(rate * passed)
+        known = decay[..., None] * states + (passed * begin)[..., None] * before
+        weight = (passed * end)[..., None]
 
-    return at
+        def at(after: np.ndarray) -> np.ndarray:
+            grown = known + weight * after
+            return grown / np.cbrt(grown.prod(axis=-1, keepdims=True))
+
+        return at
+
+    if knots is None or not knots.size:
+        return after_times(step)
+    from ..kernels.rates import log_overstress, times_passed  # here, for few have such times
+
+    def log_rate(squares: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return the logarithm of the rate of relaxation, 0 near rest."""
+        logs = log_overstress((squares / states).sum(axis=-1), (states / squares).sum(axis=-1))
+        places, changes = knots[:, 0], knots[:, 1]
+        return (changes * np.maximum(logs[..., None] - places, 0)).sum(axis=-1)
+
+    begun = log_rate(before, states)
+
+    def solved(after: np.ndarray) -> np.ndarray:
+        passed = times_passed(
+            step,
+            begun,
+            lambda times: log_rate(after, after_times(times)(after)),
+            -(knots[:, 0] * knots[:, 1]).sum(axis=-1),
+        )
+        return after_times(passed)(after)
+
+    return solved
 
 
 def _solved(
@@ -261,12 +295,13 @@ def _solved(
     memory, parameters = law.memory, law.parameters
     moduli = np.array([branch.modulus for branch in memory.branches])[:, None]
     times = np.array([branch.time for branch in memory.branches])
+    knots = padded_knots(memory.branches)
     kept = wanted is not None and unknowns == 1
     stretches, stress = np.full((len(time), 3), np.nan), np.full(len(time), np.nan)
     states = np.full((len(time), len(times), 3), np.nan)
     state, squares, peak, x = np.ones((len(times), 3)), np.ones(3), 0.0, np.zeros(unknowns)
     for row, elapsed in enumerate(np.diff(time, prepend=time[0])):
-        grown = advanced(state, squares, elapsed / times)
+        grown = advanced(state, squares, elapsed / times, knots)
 
         def at(x, row=row, grown=grown, peak=peak):
             """Return logarithms, squares, energy, principal Kirchhoff stresses and states."""

@@ -3,7 +3,10 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Self
+
+import numpy as np
 
 NEARLY = 1.5
 """Factor by which rates may lie outside of those of tests. Chosen: curves at a rate 1.7 times
@@ -17,24 +20,92 @@ class Branch:
     C_k of determinant 1.
 
     C_k follows Cbar, the isochoric right Cauchy-Green tensor, by C_k' = (Cbar - (Cbar : C_k^-1)/3
-    C_k) / time.
+    C_k) / time. The time may fall with the overstress, the root of half the trace of the square of
+    the branch's deviatoric Kirchhoff stress; in small simple shear it is the shear stress.
 
     Parameters
     ----------
     modulus : float
         Shear modulus that the branch adds in fast motions, in the unit of the law's.
     time : float
-        Relaxation time.
+        Relaxation time; the greatest one if it depends on the overstress.
+    times : sequence of pair of float
+        Overstresses, in the unit of the modulus, and relaxation times at them, which do not rise.
+        Between two of them the time is a power of the overstress. The first one is `time`, and
+        holds below, the last one above.
+
+    Examples
+    --------
+    >>> from pdsurrogate.materials import Branch
+    >>> cubic = Branch(0.5, 10.0, ((0.1, 10.0), (1.0, 0.01)))
+    >>> round(cubic.time_at(0.2), 9)
+    1.25
     """
 
     modulus: float
     time: float
+    times: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for key in ("modulus", "time"):
             value = getattr(self, key)
             if not 0 < value < math.inf:
                 raise ValueError(f"{key} of a branch must be positive and finite, not {value}")
+        if not self.times:
+            return
+        if len(self.times) < 2 or self.times[0][1] != self.time:
+            raise ValueError(
+                "times of a branch must be two pairs of overstress and time or more, the first of"
+                f" them with its time {self.time:g}"
+            )
+        for (low, slow), (high, fast) in pairwise(self.times):
+            if not (0 < low < high < math.inf and slow >= fast > 0):
+                raise ValueError(
+                    "times of a branch must be at rising overstresses and must not rise, but"
+                    f" {fast:g} at {high:g} follows {slow:g} at {low:g}"
+                )
+
+    def time_at(self, overstress: float) -> float:
+        """Return the relaxation time at an overstress.
+
+        Examples
+        --------
+        >>> from pdsurrogate.materials import Branch
+        >>> Branch(0.5, 10.0).time_at(0.2)
+        10.0
+        """
+        hinges = (
+            change * max(0.0, math.log(overstress / self.modulus) - place)
+            for place, change in self.knots()
+        )
+        return self.time * math.exp(-sum(hinges))
+
+    def knots(self) -> list[tuple[float, float]]:
+        """Return the logarithms of the overstresses, divided by the modulus, at which the exponent
+        of the time changes, and by how much it falls; empty for a constant time.
+        """
+        if not self.times:
+            return []
+        exponents = [
+            math.log(slow / fast) / math.log(high / low)
+            for (low, slow), (high, fast) in pairwise(self.times)
+        ]
+        changes = (after - before for before, after in pairwise([0.0, *exponents, 0.0]))
+        return [
+            (math.log(stress / self.modulus), change)
+            for (stress, _), change in zip(self.times, changes, strict=True)
+        ]
+
+    def scaled(self, factor: float, time: float) -> Self:
+        """Return the branch with all stresses multiplied by a factor, and all times by another."""
+        times = tuple((stress * factor, one * time) for stress, one in self.times)
+        return replace(self, modulus=self.modulus * factor, time=self.time * time, times=times)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the keys of a branch that state it."""
+        if self.times:
+            return {"modulus": self.modulus, "times": [list(pair) for pair in self.times]}
+        return {"modulus": self.modulus, "time": self.time}
 
 
 @dataclass(frozen=True)
@@ -94,6 +165,11 @@ class Memory:
         """Shear modulus that all branches add in fast motions."""
         return sum(branch.modulus for branch in self.branches)
 
+    @property
+    def thinning(self) -> bool:
+        """Whether relaxation times depend on the overstress."""
+        return any(branch.times for branch in self.branches)
+
     def scaled(self, factor: float, time: float = 1.0) -> Self:
         """Return the memory with all moduli and energies multiplied by a factor, and all times by
         another.
@@ -101,12 +177,13 @@ class Memory:
         softening = self.softening
         return replace(
             self,
-            branches=tuple(Branch(one.modulus * factor, one.time * time) for one in self.branches),
+            branches=tuple(one.scaled(factor, time) for one in self.branches),
             softening=softening and replace(softening, m=softening.m * factor),
         )
 
     def numbers(self) -> dict[str, float]:
-        """Return the numbers of branches and softening by dotted key.
+        """Return the numbers of branches and softening by dotted key, without times that depend on
+        the overstress.
 
         Examples
         --------
@@ -118,6 +195,7 @@ class Memory:
             f"{part}.{name}": value
             for part, one in self._parts().items()
             for name, value in vars(one).items()
+            if isinstance(value, int | float) and not (name == "time" and one.times)
         }
 
     def with_numbers(self, values: Mapping[str, float]) -> Self:
@@ -132,11 +210,16 @@ class Memory:
         --------
         >>> from pdsurrogate.materials import Branch, Memory
         >>> Memory((Branch(0.4, 2.0),)).with_numbers({"branches.0.time": 3.0}).branches
-        (Branch(modulus=0.4, time=3.0),)
+        (Branch(modulus=0.4, time=3.0, times=()),)
         """
         numbers = self.numbers() | values
         parts = {
-            part: replace(one, **{name: numbers[f"{part}.{name}"] for name in vars(one)})
+            part: replace(
+                one,
+                **{
+                    name: numbers[key] for name in vars(one) if (key := f"{part}.{name}") in numbers
+                },
+            )
             for part, one in self._parts().items()
         }
         softening = parts.pop("softening", None)
@@ -151,10 +234,19 @@ class Memory:
         """Return the keys of a material that state this memory, ``branches`` and ``softening``."""
         found: dict[str, Any] = {}
         if self.branches:
-            found["branches"] = [vars(each).copy() for each in self.branches]
+            found["branches"] = [each.describe() for each in self.branches]
         if self.softening is not None:
             found["softening"] = vars(self.softening).copy()
         return found
+
+
+def padded_knots(branches: Sequence[Branch]) -> np.ndarray:
+    """Return the `Branch.knots` of branches, shape (n_branches, 2, n_knots)."""
+    each = [branch.knots() for branch in branches]
+    found = np.zeros((len(each), 2, max(map(len, each), default=0)))
+    for one, knots in zip(found, each, strict=True):
+        one[:, : len(knots)] = np.transpose(knots) if knots else 0.0
+    return found
 
 
 def untested_rates(measured: tuple[float, float], least: float, greatest: float) -> str | None:

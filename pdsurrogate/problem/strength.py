@@ -225,7 +225,7 @@ class Strengths:
                 raise ValueError(
                     f"it must be exceeded in the mean over a radius of {radius:.3g}, which is"
                     f" {radius / body.spacing:.2g} spacings and must be {LEAST_RADIUS:g} at least;"
-                    f" a spacing of {0.995 * radius / LEAST_RADIUS:.3g} would do"
+                    f" use {body.finer}; {0.9 * radius / LEAST_RADIUS:.3g} or less would do"
                 )
         except ValueError as error:
             raise ValueError(f"{key}.strength: {error}") from None

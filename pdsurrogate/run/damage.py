@@ -1,9 +1,7 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
-from __future__ import annotations
-
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,13 +11,9 @@ from ..engine.block_arrays import BLOCK
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..forces import InternalForce
-from ..forces.kinematics import entries_of
 from ..kernels.damage import find_overstretched
 from ..ranks import Rows
 from ..solvers.bond_strains import bond_stretches
-
-if TYPE_CHECKING:
-    from ..problem.strength import Strengths
 
 
 class Failing(NamedTuple):
@@ -46,9 +40,6 @@ class Damage:
     critical_stretch : float or ndarray, shape (n_pairs,)
         Greatest ratio of deformed to undeformed length that a bond bears, greater than 1, of all
         pairs or of each: a bond with a greater one breaks.
-    strengths : Strengths, optional
-        Strengths of the materials. Bonds then break by strength, too, and by the critical stretch
-        only if an end has lost bonds or lies at a cut.
 
     Attributes
     ----------
@@ -59,12 +50,7 @@ class Damage:
         in which they broke, rising with time; 0 for other pairs.
     """
 
-    def __init__(
-        self,
-        body: Body,
-        critical_stretch: float | np.ndarray,
-        strengths: Strengths | None = None,
-    ) -> None:
+    def __init__(self, body: Body, critical_stretch: float | np.ndarray) -> None:
         if not (np.isfinite(critical_stretch) & (np.asarray(critical_stretch) > 1)).all():
             raise ValueError(
                 f"the critical stretch must be finite and greater than 1, not {critical_stretch}"
@@ -97,15 +83,6 @@ class Damage:
         one, other = body.bonds.cut.T
         self._whole = _by_points(body, bonds.first, bonds.second, self._weights)
         self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
-        self._discs = None
-        if strengths is not None:
-            from .strength import Discs  # compiled scenes without a strength never load it
-
-            self._discs = Discs(strengths, self)
-            self._at_fronts = np.zeros(len(body.all_points), dtype=bool)
-            self._beyond = self._limits.copy()
-            self._limits[:] = np.inf
-            self._open_fronts(np.unique(np.append(one, other)))
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
         """Return the numbers of the intact pairs whose stretch exceeds the critical one, in
@@ -139,65 +116,24 @@ class Damage:
         return pairs, length / np.sqrt(self._limits[pairs])
 
     def failing(self, force: InternalForce, strength: bool = True) -> Failing:
-        """Return the pairs that break at the positions at which a force was last placed, by
-        `strength`, too, or beyond the critical stretch alone.
+        """Return the pairs that break at the positions at which a force was last placed; those that
+        break by `strength` only if that is asked for.
         """
         pairs, loads = self.overloaded(force.positions)
-        if self._discs is None or not strength:
-            return Failing(pairs, loads, np.zeros(len(pairs), dtype=bool))
-        torn, strong = self._discs.failing(force)
-        new = ~np.isin(torn, pairs)
-        pairs = np.concatenate([pairs, torn[new]])
-        order = np.argsort(pairs)
-        loads = np.concatenate([loads, strong[new]])[order]
-        return Failing(pairs[order], loads, order >= len(pairs) - np.count_nonzero(new))
+        return Failing(pairs, loads, np.zeros(len(pairs), dtype=bool))
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Mark pairs, given by number, as broken in one event."""
         self._events += 1
         self.broken[pairs], self.recent[pairs] = True, self._events
         self._limits[pairs] = np.inf
-        if self._discs is not None:
-            bonds = self.body.bonds
-            self._open_fronts(np.append(bonds.first[pairs], bonds.second[pairs]))
 
     def restore(self) -> None:
         """Update the search for overstretched bonds and the number of events after `broken` and
         `recent` were read from a checkpoint.
         """
-        if self._discs is not None:
-            bonds = self.body.bonds
-            self._open_fronts(np.append(bonds.first[self.broken], bonds.second[self.broken]))
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
-
-    def _open_fronts(self, points: np.ndarray) -> None:
-        """Let the critical stretch act on the bonds of points and images, given by number, that
-        have lost bonds or lie at a cut, on all ranks.
-        """
-        body = self.body
-        bonds = body.bonds
-        before = self._at_fronts.copy()
-        self._at_fronts[points] = True
-        body.ghosts.fill(self._at_fronts)
-        new = np.flatnonzero(self._at_fronts[: len(body)] & ~before[: len(body)])
-        pairs = bonds.pair_of[entries_of(bonds.pointers, new)]
-        outer = np.flatnonzero(bonds.second >= len(body))
-        pairs = np.append(pairs, outer[self._at_fronts[bonds.second[outer]]])
-        pairs = pairs[~self.broken[pairs]]
-        self._limits[pairs] = self._beyond[pairs]
-
-    def intact(self, points: np.ndarray) -> np.ndarray:
-        """Return the share of the bonds of given points, shape (k,), that are neither cut nor
-        broken, weighed as in `at_points`.
-        """
-        bonds = self.body.bonds
-        entries = entries_of(bonds.pointers, points)
-        pairs = bonds.pair_of[entries]
-        weights = self._weights[pairs] * self.body.all_volumes[bonds.neighbors[entries]]
-        counts = np.diff(bonds.pointers)[points].astype(np.int64)
-        owners = np.repeat(np.arange(len(points)), counts)
-        return np.bincount(owners, weights * ~self.broken[pairs], len(points)) / self._whole[points]
 
     @cached_property
     def _rows(self) -> Rows:

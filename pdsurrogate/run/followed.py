@@ -36,6 +36,11 @@ class FollowedRun(Run):
     def __init__(self, scene: Scene, models: Sequence[ForceModel]) -> None:
         scene = scene.model_copy(update={"precision": "float64"})
         super().__init__(scene, models)
+        if any(law.memory.thinning for law, _ in self.force.laws):
+            raise ValueError(
+                "relaxation times that depend on the overstress have no derivatives; give branches"
+                " constant times"
+            )
         self.here = Differentiated(self, numbers_in(scene, models), history={})
         solver = {"method": "newton", "tolerance": self.here.balanced}
         scene = scene.model_copy(update={"solver": scene.solver.model_copy(update=solver)})

@@ -5,14 +5,13 @@ section 31.
 import numpy as np
 import scipy
 
-from ..body import rows_of
+from ..body import Body
 from ..body.body import lengths_of
-from ..errors import InvalidState
-from ..forces import InternalForce
+from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import entries_of
 from ..materials import PLANES
 from ..problem.strength import Strengths, Zone
-from .damage import Damage
+from .damage import Damage, Failing
 
 SAMPLES = {2: 8, 3: 5}
 """Samples per radius of a disc in each direction, by dimension, from which its part in the hull is
@@ -23,38 +22,79 @@ EQUAL = 1e-9
 """Relative difference up to which stretches count as equal, as those of a bond and of its image."""
 
 
-class Discs:
-    """Search for the bonds that break by strength.
+class StrongDamage(Damage):
+    """Damage of a body of materials with strengths: bonds break by strength, and beyond their
+    critical stretch only at fronts, where an end has lost bonds or lies at a cut.
 
     Parameters
     ----------
+    body, critical_stretch
+        As of `Damage`.
     strengths : Strengths
-    damage : Damage
-        Broken bonds of the body.
     """
 
-    def __init__(self, strengths: Strengths, damage: Damage) -> None:
-        body = damage.body
+    def __init__(
+        self, body: Body, critical_stretch: float | np.ndarray, strengths: Strengths
+    ) -> None:
+        super().__init__(body, critical_stretch)
         self._strengths = strengths
-        self._damage = damage
-        self._body = body
         self._own = np.flatnonzero(body.share.own)
         self._tree = scipy.spatial.cKDTree(body.points[self._own])
-        self._pairs = rows_of(body, "pairs")
         self._mirrors = [plane for plane in body.planes if plane.symmetric]
         grid = np.arange(-SAMPLES[body.dimension], SAMPLES[body.dimension]) + 0.5
         unit = np.stack(np.meshgrid(*[grid] * body.dimension), axis=-1).reshape(-1, body.dimension)
         unit /= SAMPLES[body.dimension]
         self._samples = unit[lengths_of(unit) <= 1]
         self._shares: dict[tuple[float, int], float] = {}
+        self._outer = np.flatnonzero(body.bonds.second >= len(body))
+        self._at_fronts = np.zeros(len(body.all_points), dtype=bool)
+        self._beyond = self._limits.copy()
+        self._limits[:] = np.inf
+        self._open_fronts(body.bonds.cut.ravel())
 
-    def failing(self, force: InternalForce) -> tuple[np.ndarray, np.ndarray]:
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        super().break_bonds(pairs)
+        bonds = self.body.bonds
+        self._open_fronts(np.append(bonds.first[pairs], bonds.second[pairs]))
+
+    def restore(self) -> None:
+        super().restore()
+        bonds = self.body.bonds
+        self._open_fronts(np.append(bonds.first[self.broken], bonds.second[self.broken]))
+
+    def _open_fronts(self, points: np.ndarray) -> None:
+        """Let the critical stretch act on the bonds of points and images, given by number, that
+        have lost bonds or lie at a cut, on all ranks.
+        """
+        body = self.body
+        bonds = body.bonds
+        before = self._at_fronts.copy()
+        self._at_fronts[points] = True
+        body.ghosts.fill(self._at_fronts)
+        new = np.flatnonzero(self._at_fronts[: len(body)] & ~before[: len(body)])
+        outer = self._outer[self._at_fronts[bonds.second[self._outer]]]
+        pairs = np.append(bonds.pair_of[entries_of(bonds.pointers, new)], outer)
+        pairs = pairs[~self.broken[pairs]]
+        self._limits[pairs] = self._beyond[pairs]
+
+    def failing(self, force: InternalForce, strength: bool = True) -> Failing:
+        found = super().failing(force, strength)
+        if not strength:
+            return found
+        torn, loads = self.by_strength(force)
+        new = ~np.isin(torn, found.pairs)
+        pairs = np.append(found.pairs, torn[new])
+        order = np.argsort(pairs)
+        loads = np.append(found.loads, loads[new])[order]
+        return Failing(pairs[order], loads, order >= len(found.pairs))
+
+    def by_strength(self, force: InternalForce) -> tuple[np.ndarray, np.ndarray]:
         """Return the numbers, rising, of the pairs that break by strength at the positions last
         set, and their loads (k,): the square roots of the mean energies over the works at break.
 
         One pair for each of the discs, which do not overlap, and its images.
         """
-        share = self._body.share
+        share = self.body.share
         error = False
         try:
             energy = self._energies(force)
@@ -86,7 +126,7 @@ class Discs:
         self, zone: Zone, energy: np.ndarray, positions: np.ndarray
     ) -> list[tuple[np.ndarray, float]]:
         """Return the pairs that break in each disc of a zone, and the load of the disc."""
-        body = self._body
+        body = self.body
         share = body.share
         ratios = energy / (self._strengths.works if zone.of_points else zone.work)
         least = self._strengths.least if zone.of_points else np.ones(len(body))
@@ -100,13 +140,13 @@ class Discs:
         order = np.argsort(numbers)
         numbers = numbers[order]
         centers = centers[order]
-        means = self._means(zone, centers, ratios) / least[order]
+        means = self.means(zone, centers, ratios) / least[order]
         found = []
         waiting = means < 1
         for disc in np.lexsort((numbers, -means)):
             if waiting[disc]:
                 continue
-            mean = means[disc] * self._share_in_hull(zone, int(numbers[disc]), centers[disc])
+            mean = means[disc] * self.share_in_hull(zone, int(numbers[disc]), centers[disc])
             if mean >= 1:
                 waiting |= lengths_of(centers - centers[disc]) < 2 * zone.radius
                 pairs = self._most_stretched(zone, centers[disc], positions)
@@ -120,11 +160,11 @@ class Discs:
             found += [2 * plane.mirrored(each)[0] - each for each in found]
         return found
 
-    def _means(self, zone: Zone, centers: np.ndarray, ratios: np.ndarray) -> np.ndarray:
+    def means(self, zone: Zone, centers: np.ndarray, ratios: np.ndarray) -> np.ndarray:
         """Return the means of the points' `ratios` (n,) over the intact part of the discs around
         `centers` (k, d), shape (k,).
         """
-        body = self._body
+        body = self.body
         rim = body.spacing / 2
         discs, members, parts = [], [], []
         for places in self._images(centers):
@@ -138,7 +178,7 @@ class Discs:
             parts.append(np.clip((zone.radius - distance) / body.spacing + 0.5, 0, 1))
         disc, member, part = map(np.concatenate, (discs, members, parts))
         every, place = np.unique(member, return_inverse=True)
-        volumes = body.volumes[every] * self._damage.intact(every)
+        volumes = body.volumes[every] * self._intact(every)
         if zone.of_points:  # materials without a strength do not count
             volumes *= np.isfinite(self._strengths.works[every])
         weight = part * volumes[place]
@@ -153,7 +193,19 @@ class Discs:
         )
         return weighted / np.maximum(total, np.finfo(float).tiny)
 
-    def _share_in_hull(self, zone: Zone, number: int, center: np.ndarray) -> float:
+    def _intact(self, points: np.ndarray) -> np.ndarray:
+        """Return the share of the bonds of given points, shape (k,), that are neither cut nor
+        broken, weighed as in `at_points`.
+        """
+        bonds = self.body.bonds
+        entries = entries_of(bonds.pointers, points)
+        pairs = bonds.pair_of[entries]
+        weights = self._weights[pairs] * self.body.all_volumes[bonds.neighbors[entries]]
+        counts = np.diff(bonds.pointers)[points].astype(np.int64)
+        owners = np.repeat(np.arange(len(points)), counts)
+        return np.bincount(owners, weights * ~self.broken[pairs], len(points)) / self._whole[points]
+
+    def share_in_hull(self, zone: Zone, number: int, center: np.ndarray) -> float:
         """Return the part of the convex hull of a disc's part of the undeformed body that is in
         the body: holes count as empty.
         """
@@ -175,14 +227,14 @@ class Discs:
         """Return the numbers of the most stretched intact pair of a disc and of its images on this
         rank; of equal ones it is the nearest to the center.
         """
-        body = self._body
+        body = self.body
         share = body.share
         bonds = body.bonds
         points = body.all_points
         reach = zone.radius + body.horizon / 2
         members = self._own[self._tree.query_ball_point(center, reach, return_sorted=True)]
         pairs = np.unique(bonds.pair_of[entries_of(bonds.pointers, members)])
-        pairs = pairs[zone.pairs[pairs] & ~self._damage.broken[pairs]]
+        pairs = pairs[zone.pairs[pairs] & ~self.broken[pairs]]
         first = bonds.first[pairs]
         second = bonds.second[pairs]
         away = lengths_of((points[first] + points[second]) / 2 - center)
@@ -190,7 +242,7 @@ class Discs:
         pairs, first, second, away = (rows[within] for rows in (pairs, first, second, away))
         length = lengths_of(points[second] - points[first])
         stretch = lengths_of(positions[second] - positions[first]) / length
-        numbers = self._pairs.numbers[pairs]
+        numbers = self._rows.numbers[pairs]
         own = share.own[first]
         sources = np.concatenate([share.numbers, share.numbers[body.ghosts.source]])
         ends = np.sort(np.stack([sources[first], sources[second]], axis=1), axis=1)
@@ -207,4 +259,4 @@ class Discs:
         same = image & image[best] & (ends == ends[best]).all(axis=1)
         same &= np.abs(length - length[best]) <= EQUAL * body.horizon
         same[best] = True
-        return np.flatnonzero(np.isin(self._pairs.numbers, numbers[same]))
+        return np.flatnonzero(np.isin(self._rows.numbers, numbers[same]))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -72,12 +72,39 @@ class BranchSpec(StrictModel):
     ----------
     modulus : float
         Shear modulus that the branch adds in fast motions. Unit: stress.
-    time : float
+    time : float, optional
         Relaxation time. Unit: time.
+    times : list of pair of float, optional
+        Instead of `time`: overstresses and relaxation times at them, which do not rise. Between
+        two of them the time is a power of the overstress; the first one holds below, the last one
+        above. The overstress is the root of half the trace of the square of the branch's deviatoric
+        Kirchhoff stress; in small simple shear it is the shear stress. Unit: stress, time.
     """
 
     modulus: Positive
-    time: Positive
+    time: Positive | None = None
+    times: tuple[tuple[Positive, Positive], ...] = ()
+
+    @model_validator(mode="after")
+    def _of_one_form(self) -> Self:
+        if (self.time is None) == (not self.times):
+            raise ValueError("give a branch either a time or times at overstresses")
+        self.build()
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_the_other_form(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in dump(self).items() if value}
+
+    def build(self) -> Branch:
+        """Return the branch.
+
+        Raises
+        ------
+        ValueError
+            For times at overstresses that do not rise, or that rise themselves.
+        """
+        return Branch(self.modulus, self.time or self.times[0][1], self.times)
 
 
 class SofteningSpec(StrictModel):
@@ -200,7 +227,7 @@ class MaterialSpec(StrictModel):
                 f"{self.law}: a parameter is a list instead of a number, or a number instead of a"
                 " list"
             ) from None
-        branches = tuple(Branch(each.modulus, each.time) for each in self.branches)
+        branches = tuple(each.build() for each in self.branches)
         softening = Softening(**self.softening.model_dump()) if self.softening else None
         memory = Memory(branches or from_prony(built.shear_modulus, self.prony), softening)
         return dataclasses.replace(built, memory=memory)
@@ -271,8 +298,8 @@ class InterfaceFracture(Criterion):
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
-        Strength of the interface without a cut, needs `energy`; by default the interface has none,
-        and breaks at cuts and cracks alone.
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     """
 
     between: tuple[str, str]

@@ -169,6 +169,12 @@ def test_energies_alone_are_refused(target):
         exported(source_of_law(remembering("gent", "both")), target)
 
 
+def test_times_that_depend_on_the_overstress_are_refused():
+    branch = Branch(0.5, 2.0, ((0.1, 2.0), (1.0, 0.1)))
+    with pytest.raises(ValueError, match="depend on the overstress are not exported"):
+        exported(source_of_law(pds.materials.NeoHookean(memory=Memory((branch,)))), "felupe")
+
+
 def test_learned_energies_of_sheets_are_refused():
     source = source_of_artifact("neo-hookean-energy")
     law = pds.materials.NeoHookean(memory=MEMORIES["branches"])

@@ -14,6 +14,7 @@ import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import PLANES, homogeneous
 from pdsurrogate.problem import compile_scene
+from pdsurrogate.testing.subject import forces_at
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.5, "bulk_modulus": 30.0}
 LAW = pds.materials.NeoHookean(1.5, 30.0)
@@ -57,18 +58,12 @@ def bound(body, plane, breakable=False):
     )
 
 
-def forces(force, positions):
-    out = np.empty_like(positions)
-    force(positions, out)
-    return out
-
-
 def left_over(body, plane, F):
     """Greatest force on a point in a homogeneous state, beside the load of the boundary,
     relative to the greatest load.
     """
     force = bound(body, plane)
-    found = forces(force, body.points @ F.T)
+    found = forces_at(force, body.points @ F.T)
     np.testing.assert_allclose(
         force.deformation_gradients(), np.broadcast_to(F, (len(body), *F.shape)), atol=1e-12
     )
@@ -436,7 +431,7 @@ def test_bonds_beside_an_interface_may_break(plane, arrangement, spacing, breaks
     )
     force, body = problem.bind()[0], problem.body
     F = np.diag([1.2, 0.95, 1.1][:d])
-    found = forces(force, body.points @ F)
+    found = forces_at(force, body.points @ F)
     loads = body.boundary(body) @ force.stress_and_energy()[0][:, :d, :d].mean(axis=0).T
     assert np.abs(found + loads).max() < 1e-5 * np.abs(loads).max()
     bonds, one = body.bonds, force.portion_of == 0
@@ -455,7 +450,7 @@ def test_bonds_beside_an_interface_may_break(plane, arrangement, spacing, breaks
         expected = F + np.where(body.points[:, :1] > 0.5, slope, 0.0)[:, :, None] * np.eye(d)[0]
         np.testing.assert_allclose(force.deformation_gradients(), expected, atol=1e-3)
     moved += 0.02 * spacing * random.uniform(-1, 1, moved.shape)
-    found = forces(force, moved)
+    found = forces_at(force, moved)
     assert_forces_are_slopes_of_the_energy(force, moved, found, random, 2e-6)
 
 
@@ -508,7 +503,7 @@ def test_forces_are_the_gradient_of_the_energy(plane, spacing, keys, breaks):
     positions = body.points * [1.1, 0.96, 0.95][:d] + 0.05 * spacing * random.uniform(
         -1, 1, body.points.shape
     )
-    found, step = forces(force, positions), 2e-6
+    found, step = forces_at(force, positions), 2e-6
     scale = np.abs(found).max()
     # The forces of the pairs, from which reactions are summed, make up the forces on the points.
     pairs, total = force.pair_forces(), np.zeros(body.all_points.shape)
@@ -521,7 +516,7 @@ def test_forces_are_the_gradient_of_the_energy(plane, spacing, keys, breaks):
 def test_momentum_is_balanced():
     body, random = body_of(0.2, **RING), np.random.default_rng(5)
     positions = body.points * [1.1, 0.9] + 0.01 * random.uniform(-1, 1, body.points.shape)
-    found = forces(bound(body, "stress"), positions)
+    found = forces_at(bound(body, "stress"), positions)
     scale = np.abs(found).max()
     np.testing.assert_allclose(found.sum(axis=0), 0, atol=1e-12 * scale)
     np.testing.assert_allclose(

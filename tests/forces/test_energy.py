@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 from conftest import SHIPPED
+from probes import assert_slope, directions_of, fourth_order
 from scipy.optimize import minimize
 
 import pdsurrogate as pds
@@ -22,6 +23,7 @@ from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous
 from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, springs_of
 from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
 from pdsurrogate.testing.bodies import wavy
+from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(2.0, 200.0)
 MODELS = {
@@ -63,13 +65,6 @@ def bound(name, body, settings=DOUBLE, law=LAW):
     return MODELS[name].bind(body, law, settings)
 
 
-def fourth_order(function, step):
-    """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (
-        12 * step
-    )
-
-
 @pytest.mark.parametrize("make", sorted(BODIES))
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_forces_are_the_gradient_of_the_energy(name, make, random):
@@ -77,35 +72,9 @@ def test_forces_are_the_gradient_of_the_energy(name, make, random):
     random directions, to 1e-7.
     """
     body = BODIES[make]()
-    force, y, out = bound(name, body), deformed(body), np.empty_like(body.points)
-    force(y, out)
-    directions = [random.standard_normal(y.shape) for _ in range(3)]
-    targets = [
-        body.points.min(axis=0),
-        body.points.max(axis=0),
-        [0.6, 0.5],
-        [0.5, 0.55],
-        [0.05, 0.5],
-        [0.6, 0.05],
-    ]
-    for target in targets:
-        single = np.zeros_like(y)
-        single[np.linalg.norm(body.points - target, axis=1).argmin()] = [0.6, 0.8]
-        directions.append(single)
-
-    def energy(direction):
-        def at(step):
-            force(y + step * direction, np.empty_like(y))
-            return force.energy()
-
-        return at
-
-    for direction in directions:
-        expected = -fourth_order(energy(direction), 2e-5)
-        # The scale of the force on the points that move, which cancels where they are in
-        # equilibrium.
-        scale = np.abs(out).max() * np.linalg.norm(direction)
-        assert abs((out * direction).sum() - expected) < 1e-7 * scale
+    ends = body.points.min(axis=0), body.points.max(axis=0)
+    targets = *ends, [0.6, 0.5], [0.5, 0.55], [0.05, 0.5], [0.6, 0.05]
+    assert_slope(bound(name, body), deformed(body), directions_of(random, body, 3, targets))
 
 
 @pytest.mark.parametrize("make", sorted(BODIES))
@@ -126,9 +95,7 @@ def test_tangent_is_symmetric_and_the_derivative_of_the_forces(name, make, rando
     ) * np.linalg.norm(image)
 
     def forces(step):
-        out = np.empty_like(y)
-        force(y + step * direction, out)
-        return out
+        return forces_at(force, y + step * direction)
 
     # Rounding of the forces over the step, 1e-16/1e-5 of the stiffness, and the differences' own
     # fourth-order error.
@@ -140,15 +107,8 @@ def test_tangent_is_symmetric_and_the_derivative_of_the_forces(name, make, rando
 def test_every_law_has_an_exact_energy():
     body = sheet()
     for law in (cls() for cls in LAWS.values()):
-        force, out = bound("bond-energy", body, law=law), np.empty_like(body.points)
-        force(deformed(body), out)
-        direction = np.cos(7 * body.points)
-
-        def energy(step, force=force, direction=direction):
-            force(deformed(body) + step * direction, np.empty_like(body.points))
-            return force.energy()
-
-        assert -(out * direction).sum() == pytest.approx(fourth_order(energy, 1e-5), rel=1e-6)
+        force = bound("bond-energy", body, law=law)
+        assert_slope(force, deformed(body), [np.cos(7 * body.points)], 1e-5)
 
 
 STATES = {
@@ -277,33 +237,18 @@ def test_energy_is_smooth_across_the_edge_of_the_domain():
     on the way.
     """
     body = sheet(0.2, 1.0, 1.0)
-    force, out = bound("neo-hookean-energy", body), np.empty_like(body.points)
-    exact = bound("bond-energy", body)
+    force, exact = bound("neo-hookean-energy", body), bound("bond-energy", body)
     for stretch in np.linspace(4.6, 5.2, 13):
         y = body.points * [stretch, 0.9] + 0.01 * np.sin(9 * body.points)
-        force(y, out)
-        direction = np.cos(5 * body.points)
-
-        def energy(step, y=y, direction=direction):
-            force(y + step * direction, np.empty_like(y))
-            return force.energy()
-
-        slope = fourth_order(energy, 1e-4)
-        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(
-            direction
-        )
-    force(body.points * [5.6, 0.9], out)
-    expected = np.empty_like(out)
-    exact(body.points * [5.6, 0.9], expected)
+        assert_slope(force, y, [np.cos(5 * body.points)], 1e-4)
+    out, expected = (forces_at(of, body.points * [5.6, 0.9]) for of in (force, exact))
     np.testing.assert_allclose(out, expected, atol=1e-12 * np.abs(expected).max())
     assert force.energy() == pytest.approx(exact.energy(), rel=1e-13)
     assert force.fraction_outside > 0
     tangent, direction = force.tangent(body.points * [4.9, 0.9]), np.sin(8 * body.points)
 
     def forces(step):
-        out = np.empty_like(direction)
-        force(body.points * [4.9, 0.9] + step * direction, out)
-        return out
+        return forces_at(force, body.points * [4.9, 0.9] + step * direction)
 
     product = (tangent @ direction.ravel()).reshape(-1, 2)
     np.testing.assert_allclose(

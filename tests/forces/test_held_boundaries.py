@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bodies import build_body
 from meshes import write_plate
+from probes import assert_slope
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
@@ -17,6 +18,7 @@ from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean, plane_strain, plane_stress
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.testing.bodies import turn
+from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()
@@ -62,10 +64,9 @@ def bound(shape, plane="strain", model="bond-energy", spacing=0.2):
     )
 
 
-def energy_and_forces(force, positions):
-    out = np.empty_like(positions)
-    force(positions, out)
-    return force.energy(), out
+def energy_at(force, positions):
+    forces_at(force, positions)
+    return force.energy()
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -118,16 +119,8 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance(shape, plane):
     y = body.points @ np.array([[1.01, 0.02], [-0.01, 0.99]]).T + 0.003 * random.standard_normal(
         body.points.shape
     )
-    direction, step = random.standard_normal(y.shape), 3e-5
-
-    def energy(t):
-        return energy_and_forces(force, y + t * direction)[0]
-
-    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
-        12 * step
-    )
-    _, forces = energy_and_forces(force, y)
-    assert -(forces * direction).sum() == pytest.approx(slope, rel=1e-8)
+    assert_slope(force, y, random.standard_normal((1, *y.shape)), 3e-5, 1e-8)
+    forces = forces_at(force, y)
     bonds = body.bonds
     pairs, outer = force.pair_forces(), bonds.second >= len(body)
     sums = np.stack([np.bincount(bonds.first, column, len(body)) for column in pairs.T], axis=1)
@@ -147,7 +140,7 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance(shape, plane):
                 force.move_plane(
                     number, np.array([at, 0.01]) - (turn(angle) - np.eye(2)) @ around + shift
                 )
-                moved.append(energy_and_forces(force, y)[0])
+                moved.append(energy_at(force, y))
                 force.move_plane(number, np.array([at, 0.01]) - (turn(angle) - np.eye(2)) @ around)
             assert pairs[crossing, axis].sum() == pytest.approx(
                 (moved[0] - moved[1]) / 4e-6, rel=1e-6, abs=1e-6
@@ -217,15 +210,7 @@ def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
     spin[:2, :2] = turn(2.0)
     force.move_plane(0, np.array([0.01, 0.0, 0.005]), spin - np.eye(3))
     y = body.points + 0.002 * random.standard_normal(body.points.shape)
-    direction, step = random.standard_normal(y.shape), 3e-5
-
-    def energy(t):
-        return energy_and_forces(force, y + t * direction)[0]
-
-    slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
-        12 * step
-    )
-    assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
+    assert_slope(force, y, random.standard_normal((1, *y.shape)), 3e-5, 1e-8)
 
 
 def test_the_torque_on_a_ball_in_a_shell_is_as_its_closed_solution():

@@ -12,6 +12,7 @@ from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import PLANES
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem import compile_scene
+from pdsurrogate.testing.subject import forces_at
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 LAW = pds.materials.NeoHookean(1.0, 100.0)
@@ -50,19 +51,13 @@ def scene_of(body, **keys):
     )
 
 
-def forces(force, positions):
-    out = np.empty_like(positions)
-    force(positions, out)
-    return out
-
-
 def stretches(plane, *loads):
     """Of a homogeneous sheet under nominal stresses along both axes."""
     square = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
     force = pds.BondEnergyForce().bind(square, LAW, ForceSettings(precision="float64", plane=plane))
 
     def excess(found):
-        forces(force, square.points * found)
+        forces_at(force, square.points * found)
         return np.diag(force.stress_and_energy()[0][0])[:2] - loads
 
     return scipy.optimize.fsolve(excess, [1.1, 1.0], xtol=1e-13)
@@ -114,7 +109,7 @@ def test_a_uniform_stress_exerts_the_load_of_the_boundary(arrangement):
         force = pds.AnalyticBondForce().bind(
             body, LAW, ForceSettings(precision="float64", correction=correction)
         )
-        found = forces(force, body.points * [1.3, 0.95])
+        found = forces_at(force, body.points * [1.3, 0.95])
         P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
         off = np.abs(found + body.outward @ P.T).max() / np.abs(body.outward @ P.T).max()
         assert off < most if most else off > 0.05
@@ -188,7 +183,7 @@ def test_affine_states_keep_their_stress_when_bonds_break():
         body, LAW, ForceSettings(precision="float64", breakable=True)
     )
     for _ in range(2):
-        forces(force, body.points * [1.3, 0.95])
+        forces_at(force, body.points * [1.3, 0.95])
         P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
         np.testing.assert_allclose(force.mean_stress(), P, rtol=1e-8, atol=1e-8 * np.abs(P).max())
         beside = (np.abs(body.all_points[body.bonds.first] - [0.2, 0.6]) < [0.3, 0.15]).all(axis=1)
@@ -199,7 +194,7 @@ def test_affine_states_keep_their_stress_when_bonds_break():
 def test_bodies_that_do_not_know_their_boundary_are_not_balanced():
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     force = pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64"))
-    moments = forces(force, body.points @ F.T).T @ body.points
+    moments = forces_at(force, body.points @ F.T).T @ body.points
     P = force.stress_and_energy()[0][:, :2, :2].mean(axis=0)
     np.testing.assert_allclose(-moments, P, atol=1e-9)
 
@@ -211,7 +206,7 @@ def test_the_faces_of_a_cut_are_free():
         scene_of({"size": (1.4, 1.0), "arrangement": "relaxed"}, precuts=[cut]),
         [pds.AnalyticBondForce()],
     ).body
-    found = forces(
+    found = forces_at(
         pds.AnalyticBondForce().bind(body, LAW, ForceSettings(precision="float64")),
         body.points * [1.0, 1.2],
     )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bodies import disc_with_hole, fill_gradients, gripped_sheet, jittered, sheet
 from conftest import SHIPPED
+from probes import assert_slope, directions_of
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_surrogate
@@ -13,6 +14,7 @@ from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, p
 from pdsurrogate.results.measures import PointState, strain_energy
 from pdsurrogate.scenes import MaterialSpec, SceneError
 from pdsurrogate.testing.bodies import turn, wavy
+from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(2.0, 2000.0)
 EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}
@@ -30,19 +32,6 @@ def in_space(F):
 
 def bound(model, body, law=LAW, **settings):
     return model.bind(body, law, ForceSettings(plane="strain", **settings))
-
-
-def forces(force, positions):
-    out = np.empty_like(force.body.points)
-    force(positions, out)
-    return out
-
-
-def fourth_order(function, step):
-    """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (
-        12 * step
-    )
 
 
 SLOW_LAWS = {"yeoh", "mooney-rivlin", "arruda-boyce", "full-network"}
@@ -71,7 +60,7 @@ def test_homogeneous_states_are_those_of_a_solid(law):
     np.testing.assert_allclose(plane_strain.first_piola_stress(law, F), P[:2, :2], atol=atol)
     for name, model in EXACT.items():
         force = bound(model, body, law)
-        forces(force, body.points @ F.T)
+        forces_at(force, body.points @ F.T)
         np.testing.assert_allclose(force.mean_stress(), P[:2, :2], atol=atol, err_msg=name)
         energy = body.volumes.sum() * solid.energy_density(law, full)
         assert strain_energy(force) == pytest.approx(energy, rel=1e-11), name
@@ -94,7 +83,7 @@ def test_learned_forces_are_as_exact_as_under_plane_stress(name):
     assert not force.learned_thickness
     for stretch in (0.7, 1.3, 1.8):
         gradient = turn(25) @ np.diag([stretch, 0.99 / stretch]) @ turn(-60)
-        forces(force, body.points @ gradient.T)
+        forces_at(force, body.points @ gradient.T)
         assert force.pairs_outside == 0
         P = plane_strain.first_piola_stress(law, gradient)
         # P is twice the mean of t (x) n over the bonds; its error is in the trace as well, of which
@@ -118,7 +107,7 @@ def test_beyond_its_domain_a_learned_force_is_the_exact_one_of_plane_strain():
     )
     positions = body.points * [6.0, 0.17]
     np.testing.assert_allclose(
-        forces(learned, positions), forces(exact, positions), atol=1e-10 * LAW.bulk_modulus
+        forces_at(learned, positions), forces_at(exact, positions), atol=1e-10 * LAW.bulk_modulus
     )
     assert learned.pairs_outside == len(body.bonds.first)
 
@@ -170,21 +159,8 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
     body = BODIES[name]()
     force = bound(EXACT["bond-energy"], body)
     y = body.points + (0.03 if len(body.ghosts) else 0.5) * (wavy(body.points) - body.points)
-    out = forces(force, y)
-    directions = [random.standard_normal(y.shape) for _ in range(2)]
-    for target in (body.points.min(axis=0), body.points.max(axis=0), [0.6, 0.5], [0.05, 0.5]):
-        single = np.zeros_like(y)
-        single[np.linalg.norm(body.points - target, axis=1).argmin()] = [0.6, 0.8]
-        directions.append(single)
-    for direction in directions:
-
-        def energy(step, direction=direction):
-            forces(force, y + step * direction)
-            return force.energy()
-
-        assert abs((out * direction).sum() + fourth_order(energy, 2e-5)) < 1e-7 * np.abs(
-            out
-        ).max() * np.linalg.norm(direction)
+    targets = body.points.min(axis=0), body.points.max(axis=0), [0.6, 0.5], [0.05, 0.5]
+    out = assert_slope(force, y, directions_of(random, body, 2, targets))
     if not len(body.ghosts):
         size = np.abs(out).sum()
         assert np.abs(out.sum(axis=0)).max() < 1e-12 * size
@@ -204,7 +180,7 @@ def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
     body = gripped_sheet((-1, 1))
     force = bound(EXACT[name], body)
     force.move_plane(1, [1.2 * (stretch - 1), 0.0])
-    residual = np.abs(forces(force, body.points * [stretch, state.lateral_stretch])).max() / (
+    residual = np.abs(forces_at(force, body.points * [stretch, state.lateral_stretch])).max() / (
         LAW.shear_modulus * body.spacing
     )
     assert residual < 1e-9

@@ -8,12 +8,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from bodies import fill_gradients
+from probes import assert_slope, directions_of
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.body import bonds as bonds_module
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import LAWS, InvariantLaw, NeoHookean, solid
 from pdsurrogate.solvers.methods import Automatic
+from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(2.0, 200.0)
 F = np.array([[1.3, 0.2, -0.1], [-0.15, 0.9, 0.2], [0.1, 0.05, 0.88]])
@@ -77,12 +79,6 @@ def bound(model, body, law=LAW, **settings):
     return FORCES[model]().bind(body, law, ForceSettings(plane="space", **settings))
 
 
-def forces(force, positions):
-    out = np.empty_like(force.body.points)
-    force(positions, out)
-    return out
-
-
 def wavy(points, amount=0.03):
     x1, x2, x3 = points.T
     return points @ F.T + amount * np.stack(
@@ -116,7 +112,7 @@ def test_a_homogeneous_state_is_exact(name, model, monkeypatch):
     monkeypatch.setattr(bonds_module, "SLAB", 100)
     body = BODIES[name]()
     force = bound(model, body)
-    forces(force, body.points @ F.T + [3.0, -1.0, 2.0])
+    forces_at(force, body.points @ F.T + [3.0, -1.0, 2.0])
     assert force.supported.all()
     np.testing.assert_allclose(
         force.deformation_gradients(), np.broadcast_to(F, (len(body), 3, 3)), atol=1e-12
@@ -179,7 +175,7 @@ def test_every_law_of_a_solid(law, random):
         bound("bond-energy", body, law),
         (1e-12 * law.bulk_modulus + 2e-11) * law.shear_modulus,
     )
-    forces(force, body.points @ F.T)
+    forces_at(force, body.points @ F.T)
     np.testing.assert_allclose(
         force.mean_stress(), solid.first_piola_stress(law, F), atol=tolerance
     )
@@ -191,21 +187,8 @@ def test_every_law_of_a_solid(law, random):
 
 def check_slope(force, y, directions):
     """Forces against the slope of the energy by central differences of fourth order, to 1e-7."""
-    out = forces(force, y)
-    for direction in directions:
-
-        def energy(step, direction=direction):
-            forces(force, y + step * direction)
-            return force.energy()
-
-        step = 2e-4 * force.body.spacing / np.abs(direction).max()
-        slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (
-            12 * step
-        )
-        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(
-            direction
-        )
-    return out
+    unit = [direction / np.abs(direction).max() for direction in directions]
+    return assert_slope(force, y, unit, 2e-4 * force.body.spacing)
 
 
 CONTINUED = {
@@ -232,11 +215,8 @@ def test_forces_are_the_gradient_of_the_energy(name, random):
     """
     body = (BODIES | CONTINUED)[name]()
     y = body.points + (0.1 if len(body.ghosts) else 1.0) * (wavy(body.points, 0.02) - body.points)
-    directions = [random.standard_normal(y.shape)]
-    for target in (body.points.min(axis=0), body.points.max(axis=0), body.points.mean(axis=0)):
-        single = np.zeros_like(y)
-        single[np.linalg.norm(body.points - target, axis=1).argmin()] = [0.6, 0.48, 0.64]
-        directions.append(single)
+    targets = [getattr(body.points, name)(axis=0) for name in ("min", "max", "mean")]
+    directions = directions_of(random, body, 1, targets)
     out = check_slope(bound("bond-energy", body), y, directions)
     if not len(body.ghosts):
         size = np.abs(out).sum()
@@ -253,8 +233,8 @@ def stiffness(force, y):
         shift = np.zeros(y.size)
         shift[k] = step
         shift = shift.reshape(y.shape)
-        change = 8 * (forces(force, y + shift) - forces(force, y - shift)) - (
-            forces(force, y + 2 * shift) - forces(force, y - 2 * shift)
+        change = 8 * (forces_at(force, y + shift) - forces_at(force, y - shift)) - (
+            forces_at(force, y + 2 * shift) - forces_at(force, y - 2 * shift)
         )
         found[:, k] = -change.ravel() / (12 * step)
     return found
@@ -300,7 +280,7 @@ def test_between_rollers_a_block_is_in_its_homogeneous_state(model, stretch, K, 
     body = box((6, 4, 4), planes=(*rollers([0]), *rollers([0], 1.2, 1)))
     force = bound(model, body, law)
     force.move_plane(1, [1.2 * (stretch - 1), 0.0, 0.0])
-    out = forces(force, body.points * [stretch, lateral, lateral])
+    out = forces_at(force, body.points * [stretch, lateral, lateral])
     assert np.abs(out).max() < 1e-12 * K * body.spacing**2
     crossing = body.all_points[body.bonds.second, 0] > 1.2
     pulls = force.pair_forces()[crossing]
@@ -328,9 +308,9 @@ def test_an_eighth_of_a_body_with_its_images_is_the_whole(model):
         )
     body = Body(whole, np.tile(volumes, 8), eighth.horizon, eighth.spacing)
     part, full = bound(model, eighth), bound(model, body)
-    expected, n = forces(full, whole + displacements), len(eighth)
+    expected, n = forces_at(full, whole + displacements), len(eighth)
     np.testing.assert_allclose(
-        forces(part, points + u), expected[:n], atol=1e-12 * LAW.bulk_modulus * eighth.spacing
+        forces_at(part, points + u), expected[:n], atol=1e-12 * LAW.bulk_modulus * eighth.spacing
     )
     np.testing.assert_allclose(
         part.deformation_gradients(), full.deformation_gradients()[:n], atol=1e-12
@@ -444,15 +424,15 @@ def test_broken_bonds_leave_a_body_that_never_had_them(name, random):
     force, expected = bound("bond-energy", body, breakable=True), bound("bond-energy", cut)
     y = body.points + 0.1 * (wavy(body.points, 0.02) - body.points)
     force.break_bonds(pairs[::2])
-    forces(force, y)
+    forces_at(force, y)
     force.break_bonds(pairs[1::2])
     passed = np.empty_like(y)
     force.pass_bonds(passed)
     energy = force.energy()
     found = check_slope(force, y, [random.standard_normal(y.shape)])
-    forces(force, y)
+    forces_at(force, y)
     unit = LAW.bulk_modulus * body.spacing**2
-    np.testing.assert_allclose(found, forces(expected, y), atol=1e-12 * unit)
+    np.testing.assert_allclose(found, forces_at(expected, y), atol=1e-12 * unit)
     assert force.energy() == pytest.approx(expected.energy(), rel=1e-11)
     np.testing.assert_allclose(force.volume_ratios(), expected.volume_ratios(), rtol=1e-12)
     assert energy == pytest.approx(force.energy(), rel=1e-11)
@@ -483,13 +463,13 @@ def test_bonds_that_break_one_by_one_keep_the_gradient(random):
 def test_collapsed_pairs_are_told():
     body = box((4, 4, 4))
     force = bound("bond-energy", body, breakable=True)
-    forces(force, body.points)
+    forces_at(force, body.points)
     assert len(force.collapsed_pairs()) == 0
     y = body.points.copy()
     i = int(np.linalg.norm(y - 0.5, axis=1).argmin())
     near = (body.bonds.first == i) | (body.bonds.second == i)
-    forces(force, y * [1.0, 1.0, 0.2])
+    forces_at(force, y * [1.0, 1.0, 0.2])
     assert len(force.collapsed_pairs()) == len(body.bonds.first)
     force.break_bonds(np.flatnonzero(near))
-    forces(force, y * [1.0, 1.0, 0.2])
+    forces_at(force, y * [1.0, 1.0, 0.2])
     assert not near[force.collapsed_pairs()].any()

@@ -23,6 +23,7 @@ from pdsurrogate.forces import (
 from pdsurrogate.kernels.domain import distance_coefficients
 from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
 from pdsurrogate.materials import plane_strain, solid
+from pdsurrogate.testing.subject import forces_at
 
 LAW = pds.materials.Ogden()
 NAMES = ("neo-hookean", "ogden", "arruda-boyce", "full-network")
@@ -199,12 +200,6 @@ def wavy(points, stretch=1.6):
     return points @ F + 0.01 * np.sin(5 * np.roll(points, 1, axis=1))
 
 
-def evaluated(force, positions):
-    out = np.empty_like(force.body.points)
-    force(positions, out)
-    return out
-
-
 @pytest.mark.parametrize("plane", PLANES)
 def test_one_artifact_serves_every_bulk_modulus(ogden, plane):
     """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu,
@@ -217,7 +212,7 @@ def test_one_artifact_serves_every_bulk_modulus(ogden, plane):
             model.bind(body, law, ForceSettings(plane=plane))
             for model in (ogden, pds.BondEnergyForce())
         )
-        found, expected = (evaluated(force, wavy(body.points)) for force in (learned, exact))
+        found, expected = (forces_at(force, wavy(body.points)) for force in (learned, exact))
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
         assert learned.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
         assert learned.pairs_outside == 0
@@ -242,21 +237,21 @@ def test_policies_outside_the_domain(ogden, plane):
     force = bound("fallback")
     assert force.learned.domain_deviation() == pytest.approx(-np.log(4.0))
     exact = pds.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
-    np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(forces_at(force, far), forces_at(exact, far), rtol=1e-9, atol=1e-9)
     assert force.pairs_outside == len(body.bonds.first)
     assert (force.learned.domain_deviation() > 0).all()
     np.testing.assert_allclose(
         force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9
     )
-    evaluated(force, wavy(body.points))
+    forces_at(force, wavy(body.points))
     assert force.pairs_outside == len(body.bonds.first)
     with pytest.raises(OutsideDomain, match="are outside the domain of ogden-isochoric@1"):
-        evaluated(bound("raise"), far)
+        forces_at(bound("raise"), far)
     with pytest.warns(OutsideDomainWarning, match="extrapolated"):
-        evaluated(bound("warn"), far)
-    assert np.isfinite(evaluated(bound("extrapolate"), far)).all()
+        forces_at(bound("warn"), far)
+    assert np.isfinite(forces_at(bound("extrapolate"), far)).all()
     with pytest.raises(InvalidState, match="inside out"):
-        evaluated(force, -far if plane == "space" else far * [-1, 1])
+        forces_at(force, -far if plane == "space" else far * [-1, 1])
 
 
 def test_what_it_does_not_serve_it_says(ogden):
@@ -340,7 +335,7 @@ def test_bodies_of_two_materials(ogden):
             for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
         ]
         force = bind_portions(body, portions, ForceSettings(plane="space"))
-        return evaluated(force, wavy(body.points, 1.3)), force.pairs_outside
+        return forces_at(force, wavy(body.points, 1.3)), force.pairs_outside
 
     expected, _ = forces(exact, exact)
     for models in ((ogden, exact), (ogden, neo_hookean)):

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from memory_references import Rubber
 from scipy.integrate import solve_ivp
 
 import pdsurrogate as pds
@@ -47,6 +48,31 @@ def test_the_step_is_of_second_order(mode):
         errors.append(np.abs(found.nominal_stress[[n, 3 * n, 4 * n]] - expected).max())
     assert errors[0] / errors[1] > 3
     assert errors[2] < 1e-5 * expected.max()
+
+
+@pytest.mark.parametrize(
+    ("mode", "incompressible"), [*((one, True) for one in LOGS), ("uniaxial", False)]
+)
+def test_times_that_fall_with_the_overstress_keep_the_second_order(mode, incompressible):
+    """A branch that relaxes by the cube of its overstress, in steps of up to 30 of its times."""
+    branch = Branch(2.0, 4.0, ((0.2, 4.0), (20.0, 4e-6)))
+    law = pds.materials.NeoHookean(bulk_modulus=50.0, memory=Memory((branch, Branch(0.5, 1.0))))
+
+    def factor(overstress):
+        return np.array([np.clip(overstress[0] / 0.2, 1.0, 100.0) ** 3, 1.0])
+
+    rubber = Rubber(
+        K=1e6 if incompressible else 50.0, branches=((2.0, 4.0), (0.5, 1.0)), factor=factor
+    )
+    expected = rubber.history(mode, KNOTS, STRETCHES, KNOTS[1:])[:, 3]
+    errors = []
+    for n in (8, 16, 32):
+        time = np.linspace(0, 4, 4 * n + 1)
+        found = stress_history(law, mode, time, np.interp(time, KNOTS, STRETCHES), incompressible)
+        off = found.nominal_stress[[n, 3 * n, 4 * n]] - expected
+        errors.append(np.abs(off).max() / np.abs(expected).max())
+    assert errors[0] < 0.03
+    assert errors[2] < 0.12 * errors[0]
 
 
 @pytest.mark.parametrize(("mode", "u"), [("uniaxial", 0), ("equibiaxial", 3), ("pure-shear", 1)])

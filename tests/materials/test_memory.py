@@ -16,10 +16,15 @@ def test_prony_ratios_are_of_the_modulus_of_fast_motions():
 
 
 def test_a_law_with_memory_is_described_and_read_again():
-    law = Gent(0.6, 60.0, 15.0, memory=Memory((Branch(0.4, 2.0),), Softening(1.5, 0.1, 0.1)))
+    branches = Branch(0.4, 2.0), Branch(0.1, 9.0, ((0.2, 9.0), (4.0, 0.1)))
+    law = Gent(0.6, 60.0, 15.0, memory=Memory(branches, Softening(1.5, 0.1, 0.1)))
     assert MaterialSpec.model_validate(law.describe()).build() == law
     scaled = law.scaled(1e3)
-    assert scaled.memory.branches[0] == Branch(400.0, 2.0)
+    assert scaled.memory.branches == (
+        Branch(400.0, 2.0),
+        Branch(100.0, 9.0, ((200.0, 9.0), (4000.0, 0.1))),
+    )
+    assert scaled.memory.branches[1].time_at(900.0) == pytest.approx(branches[1].time_at(0.9))
     assert scaled.memory.softening == Softening(1.5, 100.0, 0.1)
     assert law.parameters.tolist() == Gent(0.6, 60.0, 15.0).parameters.tolist()
 
@@ -28,7 +33,11 @@ def test_a_law_with_memory_is_described_and_read_again():
     ("given", "told"),
     [
         ({"branches": [{"modulus": -1.0, "time": 2.0}]}, "branches.0.modulus"),
-        ({"branches": [{"modulus": 1.0}]}, "branches.0"),
+        ({"branches": [{"modulus": 1.0}]}, "either a time or times"),
+        ({"branches": [{"modulus": 1.0, "time": 1.0, "times": [[1, 1], [2, 1]]}]}, "either"),
+        ({"branches": [{"modulus": 1.0, "times": [[1.0, 1.0]]}]}, "two pairs"),
+        ({"branches": [{"modulus": 1.0, "times": [[1, 1], [2, 3]]}]}, "3 at 2 follows 1 at 1"),
+        ({"branches": [{"modulus": 1.0, "times": [[2, 1], [1, 1]]}]}, "rising overstresses"),
         ({"prony": [[0.5, 1.0], [0.6, 2.0]]}, "must stay below 1"),
         ({"prony": [[0.5, 1.0]], "branches": [{"modulus": 1.0, "time": 1.0}]}, "give one"),
         ({"softening": {"r": 0.5, "m": 1.0}}, "softening.r"),

@@ -69,6 +69,22 @@ def test_stress_of_a_run_is_that_of_an_integration(plane, mode):
     assert errors[1] < 3e-3
 
 
+@pytest.mark.parametrize(("plane", "mode"), [("strain", "plane-strain"), ("stress", "uniaxial")])
+def test_times_that_fall_with_the_overstress_settle_in_every_increment(plane, mode):
+    """Steps of up to fifty relaxation times; the course has kinks, which no extrapolation sees."""
+    pairs, knots, stretches = [[0.1, 1.0], [10.0, 1e-6]], [0.0, 0.5, 2.0, 2.4], [1.0, 1.5, 1.5, 1.1]
+    times, values = divided(knots, stretches, 10)
+    material = {"law": "neo-hookean", "branches": [{"modulus": 1.0, "times": pairs}]}
+    scene = scene_of(times=times, stretches=values, plane=plane, material=material)
+    result = pds.simulate(scene, "bond-energy")
+    rubber = Rubber(branches=((1.0, 1.0),), factor=lambda s: np.clip(s / 0.1, 1, 100) ** 3)
+    expected = rubber.history(mode, knots, stretches, times)
+    found = [level["nominal_stress"] for level in result.levels]
+    assert found == pytest.approx(expected[:, 3], abs=0.015 * expected[:, 3].max())
+    lost = result.levels[-1]["dissipated_energy"]["branches"]
+    assert lost == pytest.approx(expected[-1, 6] * 0.5, rel=0.01)
+
+
 def test_work_is_stored_or_dissipated():
     """The work follows from forces and stretches of the results, by the trapezoidal rule."""
     softening = {"r": 1.5, "m": 0.05, "beta": 0.1}
