@@ -16,7 +16,7 @@ from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
-from .strength import with_measured
+from .measured import with_measured
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
 """Names of the test data that are shipped with the package; their stresses are in MPa, which cards
