@@ -23,7 +23,8 @@ class Scatter(StrictModel):
     Parameters
     ----------
     modulus : float or "artifact"
-        Weibull modulus of the nominal stress at break: about 1.2 over its relative deviation.
+        Weibull modulus of the nominal stress at break: about 1.2 over its relative deviation. Unit:
+        none.
     length : float
         Correlation length, at least the spacing. Unit: length.
     specimen : vector
@@ -41,8 +42,8 @@ class Scatter(StrictModel):
     >>> import pdsurrogate as pds
     >>> scatter = {"modulus": 12.0, "length": 1.0, "specimen": [25.0, 4.0], "seed": 1}
     >>> strength = {"uniaxial": 2.1, "scatter": scatter}
-    >>> pds.Scene.model_fields["fracture"].is_required()
-    False
+    >>> pds.Fracture(energy=10.0, strength=strength).strength.scatter.modulus
+    12.0
     """
 
     modulus: Annotated[Positive, *MEASURED]
