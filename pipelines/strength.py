@@ -49,8 +49,8 @@ FINITE_ELEMENTS = {
     2.0: (1.85, 1.84, 1.82),
     5.0: (1.47, 1.47, 1.47),
 }
-"""Stretch at break of an edge cut in a wide incompressible sheet by Griffith's law, by the rule, and
-by the coupled criterion, from finite elements, by the length of the cut.
+"""Stretch at break of an edge cut in a wide incompressible sheet by Griffith's law, by the rule,
+and by the coupled criterion, from finite elements, by the length of the cut.
 """
 
 

@@ -15,8 +15,8 @@ from ..materials import Law
 from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
-from .store import law_of, load_card, load_surrogate
 from .measured import with_measured
+from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
 """Names of the test data that are shipped with the package; their stresses are in MPa, which cards

@@ -140,7 +140,8 @@ def print_result(result: Result) -> None:
     _print_rates(result)
     if "crack" in summary:
         _print_crack(result)
-    for account in summary.get("dynamics", ()):
+    slow = [summary["quasi_static"]] if "quasi_static" in summary else []
+    for account in [*slow, *summary.get("dynamics", ())]:
         if account["energy_gap"] is None:
             out.print(f"Energy balance: {account['remark']}")
         else:
@@ -306,7 +307,9 @@ def _print_crack(result: Result) -> None:
             else f"Greatest force: {units.amount(peak['force'], 'force', '.5g')} of"
             f" {peak['name']} at t = {peak['t']:.4f}"
         )
-    rising = peak and peak.get("time") == result.history[-1].get("time")
+    rising = peak and all(
+        peak.get(key) == result.history[-1].get(key) for key in ("time", "stretch", "t")
+    )
     holds = f"the body holds together{', and its force was still rising' if rising else ''}"
     body = "the body has come apart" if crack["through"] else holds
     out.print(

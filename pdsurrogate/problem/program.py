@@ -4,7 +4,7 @@ the measures that results report.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..materials import Law
 from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.grips import prescribed_in
+from ..scenes.loading_checks import tears_slowly
 from ..scenes.model import EDGES
 from ..scenes.pulled import pulled_grip
 from ..scenes.references import reference_level
@@ -46,6 +47,8 @@ class Stage:
         which is found; `to` and `largest_increment` are then displacements.
     duration : float or None
         Time that a stage in equilibrium takes; None without a time.
+    tears : bool
+        Whether bonds break in a stage in equilibrium, which otherwise ends before one would.
     """
 
     to: float
@@ -55,6 +58,7 @@ class Stage:
     key: str
     control: str | None = None
     duration: float | None = None
+    tears: bool = False
 
     def motion(self, begin: float) -> Motion:
         """Return the loading parameter as a function of time in dynamics, from the value `begin`
@@ -73,7 +77,24 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
 
     A body between grips has a stage in equilibrium for each stretch and, if the scene gives
     dynamics, a last stage in dynamics; any other body has one stage for each step of the scene.
+    If the body tears slowly, all of them are in equilibrium.
     """
+    stages = _stages_of(scene)
+    if not tears_slowly(scene):
+        return stages
+    begins = (parameter_of(scene)[1], *known_ends(stages))
+    return tuple(
+        replace(
+            stage,
+            inertia=None,
+            tears=True,
+            duration=stage.duration if stage.inertia is None else stage.motion(begin).duration,
+        )
+        for begin, stage in zip(begins, stages, strict=False)
+    )
+
+
+def _stages_of(scene: Scene) -> tuple[Stage, ...]:
     if not scene.stretched:
         return tuple(
             Stage(

@@ -1,10 +1,10 @@
 """Strength of the materials of a scene: works at break, and the radii of the discs over which they
-must be reached in the mean, theory, section 31.
+must be reached in the mean, theory, section 32.
 """
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -66,6 +66,9 @@ class Zone:
     of_points : bool
         Whether the energies of points are divided by the works of their own materials, and not by
         that of the zone: within a material.
+    least : float or ndarray, shape (n,)
+        Share of the work that must be reached in the disc around a point: 1 unless strengths are
+        random.
     """
 
     name: str
@@ -79,6 +82,7 @@ class Zone:
     centers: np.ndarray
     pairs: np.ndarray
     of_points: bool
+    least: float | np.ndarray = 1.0
 
 
 class Strengths:
@@ -98,9 +102,6 @@ class Strengths:
     zones : list of Zone
     works : ndarray, shape (n,)
         Work at break of every point's own material, infinite where it has no strength.
-    least : ndarray, shape (n,)
-        Share of this work that the mean over the disc around a point must reach: 1 unless strengths
-        are random.
     inside : callable
         ``inside(places)`` returns flags of the places (k, d) that lie in the body.
     summary : list of dict
@@ -122,7 +123,6 @@ class Strengths:
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.inside = partial(contained, scene, whole)
         self.works = np.full(len(body), np.inf)
-        self.least = np.ones(len(body))
         self.zones = list[Zone]()
         clamped = clamped_distances(body, loading)
         ends = np.sort(ends_of_pairs(body, of_points))
@@ -160,13 +160,14 @@ class Strengths:
             )
             self.works[within] = zone.work
             if given.strength.scatter is not None:
+                least = np.ones(len(body))
                 try:
-                    works = random_works(
+                    least[within] = random_works(
                         given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
                     )
                 except ValueError as error:
                     raise ValueError(f"{key}.strength.scatter: {error}") from None
-                self.least[within] = works / zone.work
+                self.zones[-1] = replace(zone, least=least / zone.work)
         self.summary = [
             {
                 "of": zone.name,

@@ -56,7 +56,7 @@ def whole_figure(result) -> Figure:
     """
     scene = result.scene
     chosen = chosen_states(result)
-    if scene.fracture is not None and result.states.moments[-1].time:
+    if scene.fracture is not None and "crack" in result.summary:
         field = "damage"
     elif scene.stretched:
         field = f"displacement_{(scene.loaded_axis + 1) % scene.dimension + 1}"

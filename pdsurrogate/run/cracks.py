@@ -1,16 +1,12 @@
 """Cracks of a run: which bonds break, where cracks begin and how their tips move."""
 
 import logging
-import math
 
 import numpy as np
 import scipy
 
-from ..forces import InvalidState
 from ..materials.states import determinant
 from ..ranks.share import connected
-from ..solvers.dynamics import ExplicitDynamics
-from .account import STEPS_PER_ROW, Account
 from .run import Run
 
 logger = logging.getLogger(__name__)
@@ -21,46 +17,25 @@ intact rubber in a tear stays above 0.5. Chosen lower than the bound for a singl
 (`COLLAPSED`), since a point that fails loses all its bonds.
 """
 
-PAUSE = 0.1
-"""Time between two searches for bonds that break by strength, in the time in which a shear wave
-crosses the radius of a disc; while such bonds break every step searches. Chosen: the mean over a
-disc then changes by a few percent at most, and the searches cost a tenth of the evaluations.
-"""
-
 
 class Cracks:
-    """Breaking of bonds during a stage in dynamics, and the summary of where cracks begin and grow,
-    for a run with damage.
+    """Bonds that break, and the summary of where cracks begin and grow, for a run with damage.
 
     Parameters
     ----------
     run : Run
-    integrator : ExplicitDynamics
-    account : Account
-        Energy account, to which the energy released by broken bonds is added.
+    timed : bool
+        Whether the stage takes a time.
     """
 
-    def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
-        self._run = run
-        self._integrator = integrator
-        self._account = account
-        self._damage = run.damage
+    def __init__(self, run: Run, timed: bool = True) -> None:
+        self.run = run
+        self.timed = timed
+        self.damage = run.damage
         # Flags of points and ghosts that have lost bonds, and the numbers of such points.
         self._lost = np.zeros(len(run.body.all_points), dtype=bool)
         self._torn = np.empty(0, dtype=np.int64)
         self._count_lost(np.flatnonzero(run.damage.broken))
-        strengths = run.problem.strengths
-        self._pause = math.inf
-        if strengths is not None:
-            hardest = max(law.shear_modulus for law, _ in run.force.laws)
-            least = min(zone.radius for zone in strengths.zones)
-            self._pause = (
-                PAUSE * least * math.sqrt(run.stages[run.state.stage].inertia.density / hardest)
-            )
-        # Of the present step: stored energy and forces before bonds broke, None while none has, and
-        # the energy released since.
-        self._before: tuple[float, np.ndarray] | None = None
-        self._released = 0.0
         if run.state.crack is None:
             run.state.crack = {
                 "start": None,
@@ -70,41 +45,12 @@ class Cracks:
                 "through": False,
             }
 
-    def evaluate_and_break(self) -> None:
-        """Break overstretched bonds and the bonds of failed points, and evaluate the forces,
-        until no more bonds break.
-        """
-        run = self._run
-        integrator = self._integrator
-        share = self._run.body.share
-        self._before = None
-        self._released = 0.0
-        run.force.place(run.positions)
-        due = self._pause < math.inf and self._account.time >= self._account.strength_due
-        failing = self._damage.failing(run.force, due)
-        if due:
-            torn = share.any(bool(failing.by_strength.any()))
-            self._account.strength_due = self._account.time + (0.0 if torn else self._pause)
-        if share.any(len(failing.pairs) > 0):
-            self._break(failing.pairs, "strength" if failing.by_strength.all() else "energy")
-        while True:
-            try:
-                integrator.evaluate(integrator.steps - self._account.last_break < STEPS_PER_ROW)
-                error = None
-            except InvalidState as invalid:
-                error = invalid
-            failed = self._bonds_of_failed_points()
-            if share.any(len(failed) > 0):
-                # The evaluation was ahead by the viscosity.
-                run.loading.apply(run.state.parameter, run.force, run.positions)
-                run.force.place(run.positions)
-                self._break(failed)
-            elif error is not None:
-                raise error
-            else:
-                return
+    @property
+    def time(self) -> float:
+        """Time since the stage began."""
+        return self.run.state.time
 
-    def _bonds_of_failed_points(self) -> np.ndarray:
+    def bonds_of_failed_points(self) -> np.ndarray:
         """Return the numbers of the intact pairs of points that have lost bonds and whose
         deformation gradient has collapsed.
 
@@ -113,7 +59,7 @@ class Cracks:
         its area or volume (`LEAST_RATIO`), all bonds of the point break. For a point with all its
         bonds det F <= 0 is an error.
         """
-        run = self._run
+        run = self.run
         bonds = run.body.bonds
         n = len(run.body)
         share = run.body.share
@@ -134,7 +80,7 @@ class Cracks:
             # bonds.
             run.body.ghosts.fill(lost)
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
-        pairs = np.flatnonzero(failing & ~self._damage.broken)
+        pairs = np.flatnonzero(failing & ~self.damage.broken)
         if share.any(len(pairs)):
             run.state.crack["failed_points"] += share.count(failed[:n])
         return pairs
@@ -143,28 +89,26 @@ class Cracks:
         """Count the ends of broken pairs, given by number, among the points that have lost
         bonds.
         """
-        bonds = self._run.body.bonds
+        bonds = self.run.body.bonds
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
-        self._torn = np.flatnonzero(self._lost[: len(self._run.body)])
+        self._torn = np.flatnonzero(self._lost[: len(self.run.body)])
 
-    def _break(self, pairs: np.ndarray, cause: str = "energy") -> None:
-        """Break pairs, given by number, in one event: update damage, force, energy account and the
-        summary about cracks, whose start has a `cause` if there are strengths.
-
-        The force must be placed at the present positions. `_count_release` counts what the body
-        loses.
+    def break_bonds(self, pairs: np.ndarray, cause: str = "energy") -> None:
+        """Break pairs, given by number, in one event: update damage, force and the summary about
+        cracks, whose start has a `cause`, "energy" or "strength", in a body with strengths.
         """
-        run = self._run
-        crack = self._run.state.crack
-        share = self._run.body.share
+        run = self.run
+        crack = self.run.state.crack
+        share = self.run.body.share
         crack["broken_bonds"] += share.total(
             int(np.count_nonzero(share.own[run.body.bonds.first[pairs]]))
         )
-        self._damage.break_bonds(pairs)
+        self.damage.break_bonds(pairs)
         self._count_lost(pairs)
         if crack["start"] is None:
-            places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
+            places = starts_of_cracks(*self.damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]
+            cause = "energy" if share.any(cause == "energy") else "strength"
             stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
             crack["start"] = {
                 "event": "first bond broken",
@@ -177,55 +121,22 @@ class Cracks:
             logger.info(
                 "%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places
             )
-        if run.force.has_energy and self._before is None:
-            self._before = self._stored()
         run.force.break_bonds(pairs)
-        if run.force.has_energy:
-            self._count_release()
-        self._account.last_break = self._integrator.steps
-
-    def _count_release(self) -> None:
-        """Count the energy that the body has lost in all events of this step, and add the impulse
-        of these bonds to the velocities.
-
-        An event may leave a state without energy, of points that fail next. The sum over all events
-        of a step then has one nevertheless.
-        """
-        energy, forces = self._before
-        left, leaving = self._stored()
-        share = self._run.body.share
-        released = energy - left
-        lost = forces - leaving
-        if share.any(not (np.isfinite(released) and np.isfinite(lost).all())):
-            released = 0.0
-            lost = np.zeros_like(lost)
-        total = share.total(released)
-        self._account.released_energy += total - self._released
-        self._released = total
-        self._integrator.kick(lost)
-
-    def _stored(self) -> tuple[float, np.ndarray]:
-        """Return stored energy, NaN where it is undefined, and internal forces of the body at
-        the positions last set.
-        """
-        forces = np.zeros_like(self._run.positions)
-        self._run.force.pass_bonds(forces)
-        return self._run.force.energy(), forces
 
     def _now(self) -> dict[str, float]:
-        """Return the present time and loading parameter, by name, for the summary about cracks."""
-        run = self._run
-        return {
-            "time": run.state.elapsed + self._account.time,
-            run.loading.parameter: run.state.parameter,
-        }
+        """Return the present loading parameter, and the time if there is one, by name, for the
+        summary about cracks.
+        """
+        run = self.run
+        time = {"time": run.state.elapsed + self.time} if self.timed else {}
+        return time | {run.loading.parameter: run.state.parameter}
 
     def separated(self) -> bool:
         """Return whether the body has separated between its supports: no chain of bonds leads
         from one to another.
         """
-        run = self._run
-        _, piece = run.loading.pieces(~self._damage.broken)
+        run = self.run
+        _, piece = run.loading.pieces(~self.damage.broken)
         pieces = [
             np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points]))))
             for points in run.loading.ends()
@@ -236,11 +147,11 @@ class Cracks:
         """Record the places of the crack tips at an output; return whether the body has
         separated between its supports.
         """
-        run = self._run
-        crack = self._run.state.crack
+        run = self.run
+        crack = self.run.state.crack
         crack["through"] = self.separated()
         entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
-        places, events = self._damage.take_recent()
+        places, events = self.damage.take_recent()
         tips = crack_tips(places, run.body.horizon)
         if tips and not any(output["tips"] for output in crack["tips"]):
             # The list now includes cracks that began slightly later.

@@ -30,6 +30,11 @@ class Failing(NamedTuple):
     by_strength: np.ndarray
     """Flags of the pairs that break by strength, and not beyond the critical stretch."""
 
+    @property
+    def cause(self) -> str:
+        """What breaks the pairs: "strength", or "energy" if it breaks one of them."""
+        return "strength" if self.by_strength.all() else "energy"
+
 
 class Damage:
     """Damage of a body: its broken bonds, and the search for overstretched bonds.
@@ -115,12 +120,58 @@ class Damage:
         length = lengths_of(positions[bonds.second[pairs]] - positions[bonds.first[pairs]])
         return pairs, length / np.sqrt(self._limits[pairs])
 
-    def failing(self, force: InternalForce, strength: bool = True) -> Failing:
+    def failing(self, force: InternalForce, strength: bool = True, alone: bool = False) -> Failing:
         """Return the pairs that break at the positions at which a force was last placed; those that
-        break by `strength` only if that is asked for.
+        break by `strength` only if that is asked for, or `alone` those of one disc.
         """
         pairs, loads = self.overloaded(force.positions)
         return Failing(pairs, loads, np.zeros(len(pairs), dtype=bool))
+
+    def greatest_load(self, force: InternalForce) -> float:
+        """Return the greatest load, as of `Failing`, of a bond of the body at the positions at
+        which a force was last placed.
+        """
+        bonds = self.body.bonds
+        positions = force.positions
+        square = np.square(positions[bonds.second] - positions[bonds.first]).sum(axis=1)
+        load = np.sqrt((square / self._limits[: len(square)]).max(initial=0.0))
+        return self.body.share.greatest(float(load))
+
+    def foremost(self, pairs: np.ndarray, loads: np.ndarray, alike: float) -> np.ndarray:
+        """Return those overloaded pairs of this rank that break first: of each place of the body
+        the one of the greatest load, and those around it whose loads are the same within a
+        difference `alike`.
+
+        A pair waits while another one, of a greater load, breaks within a horizon of its middle.
+
+        Parameters
+        ----------
+        pairs : ndarray of int, shape (k,)
+        loads : ndarray, shape (k,)
+            As from `overloaded`.
+        alike : float
+        """
+        body = self.body
+        share = self.body.share
+        own = self._rows.own[pairs]
+        points = body.all_points
+        ends = body.bonds.first[pairs[own]], body.bonds.second[pairs[own]]
+        numbers, loads, places = (
+            np.concatenate(share.everywhere(rows))
+            for rows in (
+                self._rows.numbers[pairs[own]],
+                loads[own],
+                (points[ends[0]] + points[ends[1]]) / 2,
+            )
+        )
+        waiting = np.lexsort((numbers, -loads))
+        chosen = []
+        while len(waiting):
+            first = waiting[0]
+            near = np.square(places[waiting] - places[first]).sum(axis=1) <= body.horizon**2
+            chosen.append(waiting[near & (loads[waiting] >= loads[first] - alike)])
+            waiting = waiting[~near]
+        return pairs[np.isin(self._rows.numbers[pairs], numbers[np.concatenate(chosen)])]
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Mark pairs, given by number, as broken in one event."""

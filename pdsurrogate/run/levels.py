@@ -117,7 +117,14 @@ class Equilibria:
     solver : EquilibriumSolver
         Solver of stages that prescribe the loading parameter.
     checkpoints : Checkpoints
+
+    Attributes
+    ----------
+    through : bool
+        Whether the body has separated between its supports, which ends the stage.
     """
+
+    through = False
 
     def __init__(
         self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints
@@ -143,22 +150,24 @@ class Equilibria:
         """
         run = self.run
         state = self.run.state
-        while state.outputs < self.stage.outputs:
+        while state.outputs < self.stage.outputs and not self.through:
             goal = self._outputs[state.outputs + 1]
             run.target = self._path.parameter_at(goal)
             run.report("equilibrium", state.outputs / self.stage.outputs, run.target)
-            self._last_output = _Accepted(run, self.solver)
+            self._last_output = Accepted(run, self.solver)
+            self._telling = None
             due = (self.stage.duration or 0.0) * ((state.outputs + 1) / self.stage.outputs)
             for stop in [*self._turns_before(goal), goal]:
                 way = goal - state.parameter
                 share = 1.0 if stop == goal else (stop - state.parameter) / way
-                increments = self._path.increments_to(stop, share * (due - state.time))
-                equilibrium = self._go_to_output(increments)
+                equilibrium = self._go_to(stop, share * (due - state.time))
+                if self.through:
+                    break
                 if equilibrium is None:
                     self._last_output.restore(run, self.solver)
                     return False
             state.outputs += 1
-            state.time = due
+            state.time = state.time if self.through else due
             self._record(equilibrium)
             self._checkpoint()
         return True
@@ -189,42 +198,51 @@ class Equilibria:
         }
         return sorted(turns, reverse=goal < begin)
 
-    def _go_to_output(self, increments: Increments) -> Equilibrium | None:
-        """Return the equilibrium at the next output, reached in increments; None if a bond would
-        break on the way.
+    def _go_to(self, stop: float, time: float) -> Equilibrium | None:
+        """Return the equilibrium at `stop`, the end of the way to the next output or a turn on it,
+        which takes a `time`; None if a bond would break on the way.
         """
         run = self.run
-        state = self.run.state
-        told = None
+        increments = self._path.increments_to(stop, time)
         while not increments.finished:
-            accepted = _Accepted(run, self.solver)
-            began = run.force.evaluations
-            try:
-                equilibrium = self.follow(increments)
-            except TooSmall:
-                accepted.restore(run, self.solver)
-                raise
-            except FAILURES as error:
-                accepted.restore(run, self.solver)
-                # After loads that carry the body away, shorter increments just below a limit load
-                # fail in less telling ways.
-                told = told if isinstance(told, RanAway) else error
-                self._shorten(increments, told, error)
-                continue
-            run.accept()
-            state.time += increments.duration
-            taken = run.force.evaluations - began
-            run.earlier = accepted.parameter, accepted.arrays["positions"]
-            if increments.accept():
-                again = (
-                    f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
-                )
-                run.note(state.parameter, reason=again)
+            equilibrium, before = self._attempt(increments)
+            self._accept(increments, before)
             if run.damage is not None and run.body.share.any(
-                len(run.damage.overstretched(run.force.positions)) > 0
+                len(run.damage.failing(run.force).pairs) > 0
             ):
                 return None
         return equilibrium
+
+    def _attempt(self, increments: Increments) -> tuple[Equilibrium, "Accepted"]:
+        """Find the equilibrium at the end of the present increment, which is shortened as often as
+        needed; return it, and the state before it.
+        """
+        run = self.run
+        while True:
+            before = Accepted(run, self.solver)
+            try:
+                return self.follow(increments), before
+            except TooSmall:
+                before.restore(run, self.solver)
+                raise
+            except FAILURES as error:
+                before.restore(run, self.solver)
+                # After loads that carry the body away, shorter increments just below a limit load
+                # fail in less telling ways.
+                if not isinstance(self._telling, RanAway):
+                    self._telling = error
+                self._shorten(increments, self._telling, error)
+
+    def _accept(self, increments: Increments, before: "Accepted") -> None:
+        """Accept the equilibrium just found at the end of the present increment."""
+        run = self.run
+        run.accept()
+        run.state.time += increments.duration
+        taken = run.force.evaluations - before.evaluations
+        run.earlier = before.parameter, before.arrays["positions"]
+        if increments.accept():
+            again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
+            run.note(run.state.parameter, reason=again)
 
     def follow(self, increments: Increments) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment.
@@ -240,18 +258,50 @@ class Equilibria:
         guess = self._best(self._path.guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
         # A history is that of all states, an elastic state forgets the ones before it.
-        if not (increments.ends or run.force.history):
-            tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
+        if not (self._reports(increments) or run.force.history):
+            tolerance = max(tolerance, self._coarse())
         self._path.force_at(target, guess)
         run.positions[:] = guess
         equilibrium = self._solve(target, tolerance, guess)
         reached = self._path.reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
-        self._path.check_branch(reached, guess)
-        if increments.ends:
-            _check_resolved(run, reached)
+        self._check(increments, reached, guess)
         state.parameter = reached
         return equilibrium
+
+    def _note(self, target: float, residual: float) -> None:
+        """Add a row about the search for the equilibrium at the end `target` of an increment to
+        the table of convergence.
+        """
+        run = self.run
+        energy = (
+            {"energy": run.body.share.total(run.force.energy())} if run.force.has_energy else {}
+        )
+        run.note(target, residual=residual, **energy)
+
+    def _numbers(self) -> dict[str, float]:
+        """Return numbers for the report of progress that only this kind of stage has."""
+        return {}
+
+    def _columns(self) -> dict[str, float]:
+        """Return the columns of a row of the history that only this kind of stage has."""
+        return {}
+
+    def _reports(self, increments: Increments) -> bool:
+        """Return whether results report the equilibrium at the end of the present increment."""
+        return increments.ends
+
+    def _coarse(self) -> float:
+        """Return the tolerance in intermediate states."""
+        return COARSE if self.run.loaded.nearly_incompressible else FINE
+
+    def _check(self, increments: Increments, reached: float, guess: np.ndarray) -> None:
+        """Raise an error if the equilibrium just found at the parameter `reached` is not one, or
+        not on the branch of its first `guess` (n, d).
+        """
+        self._path.check_branch(reached, guess)
+        if increments.ends:
+            _check_resolved(self.run, reached)
 
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
         """Return, of several first guesses (n, d), the one with the least residual force at the
@@ -321,10 +371,7 @@ class Equilibria:
             nonlocal greatest
             run.residual = residual
             logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
-            energy = (
-                {"energy": run.body.share.total(run.force.energy())} if run.force.has_energy else {}
-            )
-            run.note(target, residual=residual, **energy)
+            self._note(target, residual)
             # The residual falls over many decades: its logarithm says how much of the search is
             # done.
             greatest = max(greatest, residual)
@@ -334,7 +381,8 @@ class Equilibria:
                 else 1.0
             )
             done = float(outputs + done) / self.stage.outputs
-            run.report("equilibrium", done, run.target, residual=residual, evaluations=evaluations)
+            numbers = {"residual": residual, "evaluations": evaluations} | self._numbers()
+            run.report("equilibrium", done, run.target, **numbers)
             self._stop_on_request()
             moved = (
                 run.body.share.greatest(np.abs(run.positions - guess))
@@ -375,6 +423,8 @@ class Equilibria:
         drive = (
             equilibrium.drive if _is_driven(run, state.parameter) else state.greatest_drive or None
         )
+        if self.through:
+            drive = None
         state.greatest_drive = max(state.greatest_drive, drive or 0.0)
         level = output_row(run, drive=drive)
         if self.stage.duration is not None:
@@ -400,11 +450,11 @@ class Equilibria:
             equilibrium.method,
         )
         logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
-        state.history.append(equilibrium_columns(run, level))
+        state.history.append(equilibrium_columns(run, level) | self._columns())
         run.record(state.time)
 
 
-class _Accepted:
+class Accepted:
     """Copy of an equilibrium, to which the run returns if an increment fails, a bond would break,
     or the run is interrupted.
     """
@@ -414,6 +464,7 @@ class _Accepted:
         self.time = run.state.time
         self.earlier = run.earlier
         self.gave_up = solver.gave_up
+        self.evaluations = run.force.evaluations
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:

@@ -16,6 +16,7 @@ from .derivatives import differentiate
 from .lowest_mode import lowest_mode_of
 from .run import Run
 from .standard_errors import standard_errors
+from .tear_account import entries_of
 
 
 def _peak(history: list[dict]) -> dict | None:
@@ -99,16 +100,19 @@ def result_of(
         **run.contents,
         "provenance": provenance(),
     }
-    if any(stage.inertia is not None for stage in run.stages):
-        if stress is not None:
-            stresses = [
-                row["nominal_stress"]
-                for row in [*state.levels, *state.history]
-                if "nominal_stress" in row
-            ]
-            summary["peak_nominal_stress"] = max(stresses, default=None)
+    moving = any(stage.inertia is not None for stage in run.stages)
+    if stress is not None and (moving or any(stage.tears for stage in run.stages)):
+        stresses = [
+            row["nominal_stress"]
+            for row in [*state.levels, *state.history]
+            if "nominal_stress" in row
+        ]
+        summary["peak_nominal_stress"] = max(stresses, default=None)
+    if moving:
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
+    if state.tear is not None:
+        summary["quasi_static"] = entries_of(run)
     if state.crack is not None:
         summary |= (
             {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary

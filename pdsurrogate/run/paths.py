@@ -24,11 +24,14 @@ class ParameterPath:
     run : Run
     stage : Stage
     solver : EquilibriumSolver
+    largest_strain : float
+        Greatest strain of a bond by a planned increment.
     """
 
     run: Run
     stage: Stage
     solver: EquilibriumSolver
+    largest_strain: float = np.inf
 
     def parameter_at(self, goal: float) -> float:
         """Return the loading parameter of the output at the end `goal` of a path, as far as it
@@ -46,7 +49,11 @@ class ParameterPath:
             begin,
             goal,
             self.run.loading.course.largest_increment(
-                run.positions, begin, goal, self.stage.largest_increment
+                run.positions,
+                begin,
+                goal,
+                self.stage.largest_increment,
+                self.largest_strain,
             ),
             time,
         )

@@ -11,6 +11,7 @@ from .checkpoints import Checkpoints
 from .controlled import displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
+from .tearing import Tearing
 from .transient import Transient
 
 
@@ -84,11 +85,9 @@ def _stage_of(
 ) -> Equilibria | Transient:
     """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
-    return (
-        Equilibria(run, stage, solver, checkpoints)
-        if stage.inertia is None
-        else Transient(run, stage, checkpoints)
-    )
+    if stage.inertia is not None:
+        return Transient(run, stage, checkpoints)
+    return (Tearing if stage.tears else Equilibria)(run, stage, solver, checkpoints)
 
 
 def _begin(run: Run) -> float:

@@ -27,6 +27,9 @@ class State:
         far.
     crack : dict or None
         Entry of the summary about cracks; None without fracture or before dynamics.
+    tear : dict or None
+        Energy account and search for events of a body that tears slowly (`Tearing`); None for
+        others.
     dynamics : list of dict
         Entries of the summary about the stages in dynamics.
     levels, history, convergence : list of dict
@@ -46,6 +49,7 @@ class State:
     steps: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None
+    tear: dict | None = None
     dynamics: list[dict] = field(default_factory=list)
     levels: list[dict] = field(default_factory=list)
     history: list[dict] = field(default_factory=list)

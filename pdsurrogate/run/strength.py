@@ -1,6 +1,9 @@
 """Bonds that break because a material's strength is reached in the mean over a disc, theory,
-section 31.
+section 32.
 """
+
+import heapq
+from collections.abc import Iterator
 
 import numpy as np
 import scipy
@@ -77,81 +80,113 @@ class StrongDamage(Damage):
         pairs = pairs[~self.broken[pairs]]
         self._limits[pairs] = self._beyond[pairs]
 
-    def failing(self, force: InternalForce, strength: bool = True) -> Failing:
-        found = super().failing(force, strength)
+    def failing(self, force: InternalForce, strength: bool = True, alone: bool = False) -> Failing:
+        found = super().failing(force)
         if not strength:
             return found
-        torn, loads = self.by_strength(force)
+        torn, loads = self.by_strength(force, alone)
         new = ~np.isin(torn, found.pairs)
         pairs = np.append(found.pairs, torn[new])
         order = np.argsort(pairs)
         loads = np.append(found.loads, loads[new])[order]
         return Failing(pairs[order], loads, order >= len(found.pairs))
 
-    def by_strength(self, force: InternalForce) -> tuple[np.ndarray, np.ndarray]:
+    def greatest_load(self, force: InternalForce) -> float:
+        load = super().greatest_load(force)
+        energy = self._energies(force)
+        for zone in self._strengths.zones:
+            ratios = self._ratios(zone, energy)
+            value = 0.95 * self.body.share.greatest(float((ratios / zone.least).max(initial=0.0)))
+            for _ in range(2):  # no value is greater than the ratio of the point
+                found = self._discs(zone, ratios, value)
+                value = next(found, (0.0, None))[0]
+            load = max(load, float(np.sqrt(value)))
+        return load
+
+    def by_strength(
+        self, force: InternalForce, alone: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the numbers, rising, of the pairs that break by strength at the positions last
         set, and their loads (k,): the square roots of the mean energies over the works at break.
 
-        One pair for each of the discs, which do not overlap, and its images.
+        One pair for each of the discs, which do not overlap, and its images; if `alone`, for the
+        disc of the greatest load alone.
         """
-        share = self.body.share
-        error = False
-        try:
-            energy = self._energies(force)
-        except InvalidState:  # of a point that has lost bonds: its others break with it
-            error = True
-        found = [np.empty(0, dtype=np.int64)]
-        loads = [np.empty(0)]
-        if not share.any(error):
-            for zone in self._strengths.zones:
-                for pairs, load in self._of_zone(zone, energy, force.positions):
-                    found.append(pairs)
-                    loads.append(np.full(len(pairs), load))
-        numbers, first = np.unique(np.concatenate(found), return_index=True)
-        return numbers, np.concatenate(loads)[first]
+        found = list[tuple[float, Zone, np.ndarray]]()
+        energy = self._energies(force)
+        for zone in self._strengths.zones:
+            apart = np.empty((0, self.body.dimension))
+            for value, center in self._discs(zone, self._ratios(zone, energy), 1.0):
+                if value < 1 or (alone and len(apart)):
+                    break
+                if (lengths_of(apart - center) >= 2 * zone.radius).all():
+                    apart = np.append(apart, center[None], axis=0)
+                    found.append((value, zone, center))
+        if alone and found:
+            found = [max(found, key=lambda one: one[0])]
+        torn = [self._most_stretched(zone, center, force.positions) for _, zone, center in found]
+        pairs = np.concatenate([np.empty(0, dtype=np.int64), *torn])
+        loads = np.repeat([np.sqrt(value) for value, *_ in found], [len(one) for one in torn])
+        numbers, first = np.unique(pairs, return_index=True)
+        return numbers, loads[first]
 
     def _energies(self, force: InternalForce) -> np.ndarray:
         """Return the energy densities of the points by their laws, from their intact bonds, shape
-        (n,).
+        (n,); 0 if a point that has lost bonds has no state, which breaks its others.
         """
+        found = np.zeros(len(self.body))
         F = force.deformation_gradients()
-        J3 = force.volume_ratios()
-        found = np.zeros(len(F))
+        try:
+            J3 = force.volume_ratios()
+        except InvalidState:
+            return found
         with np.errstate(all="ignore"):  # of points that have lost bonds
             for law, points in force.laws:
                 found[points] = PLANES[force.plane].energy_at(law, F[points], J3[points])
         return np.nan_to_num(found, posinf=0.0)
 
-    def _of_zone(
-        self, zone: Zone, energy: np.ndarray, positions: np.ndarray
-    ) -> list[tuple[np.ndarray, float]]:
-        """Return the pairs that break in each disc of a zone, and the load of the disc."""
+    def _ratios(self, zone: Zone, energy: np.ndarray) -> np.ndarray:
+        """Return energies over works at break, shape (n,), of points at which discs of a zone may
+        be centered; 0 at others.
+        """
+        works = self._strengths.works if zone.of_points else zone.work
+        return energy / works
+
+    def _discs(
+        self, zone: Zone, ratios: np.ndarray, least: float
+    ) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield the values of the discs of a zone and their centers, shape (d,), the greatest
+        first: the mean over the hull, or the ratio of the point if that is smaller, over the share
+        of the work at break that is needed there.
+
+        They are centered at the points at which this ratio is `least` or more.
+        """
         body = self.body
         share = body.share
-        ratios = energy / (self._strengths.works if zone.of_points else zone.work)
-        least = self._strengths.least if zone.of_points else np.ones(len(body))
-        hot = np.flatnonzero(zone.centers & share.own & (ratios >= least))
+        by_own = ratios / zone.least
+        hot = np.flatnonzero(zone.centers & share.own & (by_own >= least))
         if not share.any(len(hot) > 0):
-            return []
-        numbers, centers, least = (
+            return
+        strengths = np.broadcast_to(zone.least, len(body))
+        numbers, centers, own, strengths = (
             np.concatenate(share.everywhere(rows))
-            for rows in (share.numbers[hot], body.points[hot], least[hot])
+            for rows in (share.numbers[hot], body.points[hot], by_own[hot], strengths[hot])
         )
-        order = np.argsort(numbers)
-        numbers = numbers[order]
-        centers = centers[order]
-        means = self.means(zone, centers, ratios) / least[order]
-        found = []
-        waiting = means < 1
-        for disc in np.lexsort((numbers, -means)):
-            if waiting[disc]:
-                continue
-            mean = means[disc] * self.share_in_hull(zone, int(numbers[disc]), centers[disc])
-            if mean >= 1:
-                waiting |= lengths_of(centers - centers[disc]) < 2 * zone.radius
-                pairs = self._most_stretched(zone, centers[disc], positions)
-                found.append((pairs, float(np.sqrt(mean))))
-        return found
+        means = self.means(zone, centers, ratios) / strengths
+        # The part in the hull, which takes time, is found once it decides.
+        waiting = [
+            (-min(one), number, index, False)
+            for index, (*one, number) in enumerate(zip(means, own, numbers, strict=True))
+        ]
+        heapq.heapify(waiting)
+        while waiting:
+            value, number, index, whole = heapq.heappop(waiting)
+            if whole:
+                yield -value, centers[index]
+            else:
+                part = self.share_in_hull(zone, int(number), centers[index])
+                value = -min(part * means[index], own[index])
+                heapq.heappush(waiting, (value, number, index, True))
 
     def _images(self, places: np.ndarray) -> list[np.ndarray]:
         """Return places (k, d), and their images in the planes of symmetry."""

@@ -19,7 +19,6 @@ from ..solvers.increments import Motion
 from ..solvers.reactions import support_reactions
 from .account import STEPS_PER_ROW, Bookkeeping
 from .checkpoints import Checkpoints
-from .cracks import Cracks
 from .interruption import Interrupted
 from .rows import (
     component_columns,
@@ -31,6 +30,7 @@ from .rows import (
     state_columns,
 )
 from .run import Run
+from .running_cracks import RunningCracks
 
 CRACK_VISCOSITY = 0.7
 """Default viscosity (retardation time) of scenes with fracture, in units of the spacing divided by
@@ -86,7 +86,9 @@ class Transient:
         )
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity)
         self.account = self._books.account
-        self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
+        self._cracks = (
+            None if run.damage is None else RunningCracks(run, self.integrator, self.account)
+        )
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the dynamics that a checkpoint contains, by name."""

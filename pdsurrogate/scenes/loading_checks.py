@@ -181,6 +181,18 @@ def criteria_give(scene: SceneData, key: str) -> bool:
     return any(getattr(one, key) is not None for one in criteria_of(scene).values())
 
 
+def _moves(scene: SceneData) -> bool:
+    return scene.dynamics is not None or any(step.dynamics for step in scene.steps)
+
+
+def tears_slowly(scene: SceneData) -> bool:
+    """Return whether the bonds of a scene break in equilibrium (`Fracture.process`)."""
+    given = scene.fracture
+    return given is not None and (
+        not _moves(scene) if given.process is None else given.process == "quasi-static"
+    )
+
+
 def _fracture(scene: SceneData) -> None:
     """Raise ValueError if fracture has no dynamics, no effective diameter of a crack tip, or an
     interface of unknown materials.
@@ -195,9 +207,15 @@ def _fracture(scene: SceneData) -> None:
                 " the body"
             )
         return
-    if scene.dynamics is None and not any(step.dynamics for step in scene.steps):
+    if scene.fracture.process == "dynamics" and not _moves(scene):
         where = "a step with dynamics" if scene.steps else "dynamics"
-        raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
+        raise ValueError(
+            f'fracture.process: needs {where}, or process = "quasi-static" for a slow tear'
+        )
+    if rigid := next(
+        (key for key, part in entries_of(scene, "materials") if part.material.rigid), None
+    ):
+        raise ValueError(f"{rigid}: rigid regions cannot be part of a scene with fracture")
     names = names_of_materials(scene)
     given = set()
     for number, interface in enumerate(scene.fracture.interfaces):

@@ -330,9 +330,15 @@ class Fracture(Criterion):
         Pairs of materials whose common interface has a fracture energy or critical stretch of its
         own. Bonds between other materials break at the smaller of the critical stretches of the
         two.
+    process : {"dynamics", "quasi-static"}, optional
+        How the body tears: ``"dynamics"`` with inertia, from the last equilibrium on;
+        ``"quasi-static"`` in equilibrium throughout, in which the settings of dynamics only say how
+        far, with how many outputs, and in which time the loading goes. By default in dynamics if
+        the scene has any.
     """
 
     interfaces: tuple[InterfaceFracture, ...] = ()
+    process: Literal["dynamics", "quasi-static"] | None = None
 
 
 class Part(StrictModel):

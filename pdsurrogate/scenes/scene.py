@@ -102,7 +102,7 @@ class Scene(SceneData):
     solver : SolverSpec
         Settings of the solver for equilibrium.
     fracture : Fracture, optional
-        Criterion by which bonds break; requires dynamics.
+        Criterion by which bonds break, and whether in dynamics or in equilibrium.
     dynamics : Dynamics, optional
         Dynamics after the last of `stretches`. A step has its own dynamics.
     units : Units

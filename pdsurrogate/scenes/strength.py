@@ -32,18 +32,6 @@ class Scatter(StrictModel):
         of this size has this strength in the mean, a larger one less. Unit: length.
     seed : int
         Seed of the factors: another one is another body.
-
-    See Also
-    --------
-    pdsurrogate.study : repeats a run with other seeds, and takes means.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> scatter = {"modulus": 12.0, "length": 1.0, "specimen": [25.0, 4.0], "seed": 1}
-    >>> strength = {"uniaxial": 2.1, "scatter": scatter}
-    >>> pds.Fracture(energy=10.0, strength=strength).strength.scatter.modulus
-    12.0
     """
 
     modulus: Annotated[Positive, *MEASURED]
@@ -74,19 +62,8 @@ class Strength(StrictModel):
         law has a singular stress, so that specimens without cuts tear there first. Without it,
         strength does not act within the radius of the region of boundaries and points that are held
         in all directions.
-
     scatter : Scatter, optional
         Random strengths instead of the same one everywhere.
-
-    See Also
-    --------
-    pdsurrogate.Fracture : criterion of which a strength is a part.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> pds.Fracture(energy=3.0, strength={"stretch": 4.2}).strength.stretch
-    4.2
     """
 
     uniaxial: Annotated[Positive, *MEASURED] | None = None

@@ -102,12 +102,18 @@ class Paths:
         self.between_grips = pull is not None
 
     def largest_increment(
-        self, positions: np.ndarray, start: float, end: float, asked: float | None
+        self,
+        positions: np.ndarray,
+        start: float,
+        end: float,
+        asked: float | None,
+        largest_strain: float = math.inf,
     ) -> float:
         """Return the greatest increment to plan between two values of the loading parameter.
 
         The increment begins as the whole difference, or `asked` if that is less, and is halved, at
-        most `HALVINGS` times, until its first guess strains no bond by more than `largest_strain`.
+        most `HALVINGS` times, until its first guess strains no bond by more than `largest_strain`,
+        here or of the paths.
 
         Parameters
         ----------
@@ -117,14 +123,13 @@ class Paths:
             Values of the loading parameter.
         asked : float or None
             Bound that the scene sets on increments; None for no bound.
+        largest_strain : float
         """
+        largest_strain = min(largest_strain, self._largest_strain)
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            if (
-                self._followed(positions, start, start + share * (end - start))[1]
-                <= self._largest_strain
-            ):
+            if self._followed(positions, start, start + share * (end - start))[1] <= largest_strain:
                 break
             largest /= 2
         return largest

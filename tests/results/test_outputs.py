@@ -52,6 +52,8 @@ TEAR = {
     "dynamics.stretch_rate": 40.0,
 }
 
+SLOW = {**TEAR, "fracture.process": "quasi-static"}
+
 RELAXING = {
     "spacing": 0.25,
     "stretches": 1.5,
@@ -175,6 +177,7 @@ def folders(tmp_path_factory):
             "program": (_program(), "bond-energy"),
             "far": (_far(), "bond-energy"),
             "tear": (pds.load_scene("tear", TEAR), "bond-energy"),
+            "slow": (pds.load_scene("tear", SLOW), "bond-energy"),
             "space": (_in_space(), "bond-energy"),
             "plated": (_plate(), "bond-energy"),
             "turned": (

@@ -21,8 +21,9 @@ from pdsurrogate.problem import compile_scene
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.results.drawings import title_of
 from pdsurrogate.run import account, checkpoints, transient
-from pdsurrogate.run.cracks import Cracks, crack_path
+from pdsurrogate.run.cracks import crack_path
 from pdsurrogate.run.damage import Damage
+from pdsurrogate.run.running_cracks import RunningCracks
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 from pdsurrogate.solvers.conditions import Loading
@@ -737,8 +738,8 @@ def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, m
             raise InvalidState("turned inside out")
         return evaluate(cracks)
 
-    evaluate, evaluations = Cracks.evaluate_and_break, itertools.count()
-    monkeypatch.setattr(Cracks, "evaluate_and_break", fails_at_last)
+    evaluate, evaluations = RunningCracks.evaluate_and_break, itertools.count()
+    monkeypatch.setattr(RunningCracks, "evaluate_and_break", fails_at_last)
     if separated:
         result = simulate(small(), "neo-hookean")
         assert result.summary["status"] == "done"

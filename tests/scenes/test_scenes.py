@@ -400,9 +400,10 @@ def test_a_step_of_too_many_increments_is_refused():
         load_scene("traction", {"steps": [{"to": 0.4, "largest_increment": 1e-12}]})
 
 
-def test_fracture_in_a_general_scene_asks_for_a_step_with_dynamics():
-    with pytest.raises(SceneError, match="fracture: needs a step with dynamics"):
-        load_scene("traction", {"fracture": {"critical_stretch": 2.0}})
+def test_a_tear_in_dynamics_asks_for_a_step_with_dynamics():
+    fracture = {"critical_stretch": 2.0, "process": "dynamics"}
+    with pytest.raises(SceneError, match="process: needs a step with dynamics, or process"):
+        load_scene("traction", {"fracture": fracture})
 
 
 def test_blanks_around_an_amplitude_do_not_count():

@@ -1,0 +1,226 @@
+"""Energy account of a body that tears in equilibrium: work of supports and loads, energy released
+by broken bonds, and energy that dynamics would dissipate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..solvers.increments import Motion
+from ..solvers.reactions import Reactions, support_reactions
+from .account import GAP_WARNED
+from .run import Run
+
+
+@dataclass
+class Totals:
+    """Running totals of the energy balance since the body was at rest, saved in checkpoints; in two
+    dimensions energies are per unit thickness.
+
+    Attributes
+    ----------
+    work, released_energy, damped_energy : float
+        Work of all supports and loads, energy of bonds when they broke, and the fall of the total
+        energy from there to the next equilibrium under constant loads.
+    most_put_in : float
+        Greatest work so far.
+    gap, greatest_gap : float
+        Stored, dissipated, damped and released energy minus the work, in the last equilibrium, and
+        the value of greatest magnitude so far.
+    rate, size : float
+        Work of the supports per change of the loading parameter in the equilibrium before the last,
+        and the change since then; `size` is 0 if bonds have broken since.
+    corrected : bool
+        Whether the work on that change contains the correction for its curvature.
+    load, slope : float
+        Greatest load of a bond in the last equilibrium, and its change per change of the loading
+        parameter; 0 while unknown.
+    events : int
+        Equilibria in which bonds broke.
+    breaking : bool
+        Whether bonds may be overloaded in the last equilibrium, of an avalanche.
+    """
+
+    work: float = 0.0
+    released_energy: float = 0.0
+    damped_energy: float = 0.0
+    most_put_in: float = 0.0
+    gap: float = 0.0
+    greatest_gap: float = 0.0
+    rate: float = 0.0
+    size: float = 0.0
+    corrected: bool = False
+    load: float = 0.0
+    slope: float = 0.0
+    events: int = 0
+    breaking: bool = False
+
+
+@dataclass
+class Known:
+    """What the account needs of an equilibrium.
+
+    Attributes
+    ----------
+    parameter : float
+    positions : ndarray, shape (n, d)
+    planes : ndarray, shape (planes,)
+        Displacements of planes of symmetry across themselves.
+    reactions : Reactions
+    thickness : ndarray, shape (n,), or None
+    energy, dissipated : float
+        Stored energy, and energy that the materials have dissipated.
+    """
+
+    parameter: float
+    positions: np.ndarray
+    planes: np.ndarray
+    reactions: Reactions
+    thickness: np.ndarray | None
+    energy: float
+    dissipated: float
+
+
+class TearAccount:
+    """Energy account of a run whose bonds break in equilibrium.
+
+    Parameters
+    ----------
+    run : Run
+        Run with the force last evaluated in its present equilibrium.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self.totals = Totals(**(run.state.tear or {}))
+        run.state.tear = vars(self.totals)
+        self._known = self._present()
+
+    def _present(self) -> Known:
+        run = self._run
+        return Known(
+            run.state.parameter,
+            run.positions.copy(),
+            run.loads.planes_moved.copy(),
+            support_reactions(run.loading, run.loaded),
+            run.loaded.thickness(),
+            run.strain_energy(),
+            sum(run.dissipated_energy().values()),
+        )
+
+    def expects_event(self, load: float, stop: float) -> float:
+        """Return the loading parameter at which the greatest load of a bond is expected to reach
+        `load`, or `stop` if that is nearer.
+        """
+        at = self._known.parameter
+        totals = self.totals
+        way = (load - totals.load) / totals.slope if totals.slope > 0 else np.inf
+        return stop if way >= abs(stop - at) else float(at + np.sign(stop - at) * way)
+
+    def follow(self, load: float) -> None:
+        """Count the work of supports and loads on the way to the present equilibrium, on which no
+        bond broke; `load` is the greatest load of a bond there.
+        """
+        totals = self.totals
+        old = self._known
+        new = self._known = self._present()
+        size = new.parameter - old.parameter
+        first, last = (self._work_of_supports(one, old, new) for one in (old, new))
+        totals.work += (first + last) / 2 + self._work_of_loads(old, new)
+        if size and totals.size:
+            # The third point of a parabola corrects the trapezoidal rule, for the first change of a
+            # series together with the second one.
+            bend = (last - first) / size**2 - (first / size - totals.rate) / totals.size
+            cubes = size**3 + (0.0 if totals.corrected else totals.size**3)
+            totals.work -= cubes * bend / (6 * (size + totals.size))
+        totals.corrected = totals.size != 0.0
+        totals.rate, totals.size = (first / size, size) if size else (0.0, 0.0)
+        if size:
+            totals.slope = (load - totals.load) / abs(size)
+        totals.load = load
+        self._close()
+
+    def energy_left(self) -> float:
+        """Return the energy that is left after bonds broke, at constant positions; NaN where it is
+        undefined.
+        """
+        self._run.force.pass_bonds(np.zeros_like(self._run.positions))
+        return self._run.strain_energy()
+
+    def fall(self, left: float) -> None:
+        """Count the energy of bonds that have just broken, which leave `left`, and the fall of the
+        energy since then to the present equilibrium, under constant loads.
+
+        Without energy right after the break, all of the fall counts as damped.
+        """
+        totals = self.totals
+        old = self._known
+        new = self._known = self._present()
+        work = self._work_of_loads(old, new)
+        left = left if np.isfinite(left) else old.energy
+        totals.work += work
+        totals.released_energy += old.energy - left
+        totals.damped_energy += left + old.dissipated - new.energy - new.dissipated + work
+        totals.size = 0.0
+        self._close()
+
+    def _work_of_supports(self, one: Known, old: Known, new: Known) -> float:
+        """Return the work on the way between two equilibria of the reactions of `one` of them."""
+        motion = Motion(old.parameter, new.parameter, new.parameter - old.parameter, 1.0)
+        return self._run.loading.course.power(one.reactions, motion, 1.0, 1.0)
+
+    def _work_of_loads(self, old: Known, new: Known) -> float:
+        run = self._run
+        if not run.loads:
+            return 0.0
+        work = 0.0
+        for one in (old, new):
+            run.loads.set(one.parameter)
+            moves = new.positions - old.positions, new.planes - old.planes
+            work += run.loads.power(one.positions, *moves, one.thickness) / 2
+        return run.body.share.total(work)
+
+    def _close(self) -> None:
+        totals = self.totals
+        known = self._known
+        totals.most_put_in = max(totals.most_put_in, totals.work)
+        if self._run.force.has_energy:
+            spent = totals.damped_energy + totals.released_energy + known.dissipated
+            totals.gap = known.energy + spent - totals.work
+            totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
+
+    def columns(self) -> dict[str, float]:
+        """Return the energies of a row of the history."""
+        totals = self.totals
+        if not self._run.force.has_energy:
+            return {"work": totals.work}
+        return {
+            "work": totals.work,
+            "damped_energy": totals.damped_energy,
+            "released_energy": totals.released_energy,
+        }
+
+
+def entries_of(run: Run) -> dict:
+    """Return the entry of the summary about the energy account of a run that tears slowly: the
+    energy supplied, the last and the greatest gap in percent of it, a remark, and the number of
+    equilibria in which bonds broke.
+    """
+    totals = Totals(**(run.state.tear or {}))
+    found = {"energy_put_in": totals.most_put_in, "events": totals.events}
+    if not run.force.has_energy:
+        remark = f"{run.model.name} defines no energy, so energy conservation cannot be checked"
+        return found | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
+    scale = totals.most_put_in or 1.0
+    greatest = totals.greatest_gap / scale
+    remark = (
+        f"the energy balance has an error of {100 * abs(greatest):.2g} %: use more outputs, or"
+        " smaller increments"
+        if abs(greatest) > GAP_WARNED
+        else None
+    )
+    return found | {
+        "energy_gap": 100 * totals.gap / scale,
+        "greatest_energy_gap": 100 * greatest,
+        "remark": remark,
+    }

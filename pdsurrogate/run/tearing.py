@@ -1,0 +1,217 @@
+"""Stages in equilibrium in which bonds break: slow tears."""
+
+import numpy as np
+
+from ..problem import Stage
+from ..results.checkpoint import Checkpoint
+from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, TooSmall
+from ..solvers.increments import Increments
+from .checkpoints import Checkpoints
+from .cracks import Cracks
+from .interruption import Interrupted
+from .levels import FAILURES, FINE, Accepted, Equilibria
+from .paths import ParameterPath
+from .rows import equilibrium_columns, output_row
+from .run import Run
+from .tear_account import TearAccount
+
+OVERLOAD = 2e-3
+"""Greatest excess over 1 of the load of a bond, stretch over critical stretch, with which the first
+bond of an event may break, and difference of loads within which bonds count as equally loaded and
+break together. Chosen: half of it changes the peak of the load by less than a thousandth.
+"""
+
+LARGEST_STRAIN = 0.1
+"""Greatest strain of a bond by an increment, so that the work on it is known within a thousandth
+from the forces at its ends and those before.
+"""
+
+MOST_TRIALS = 12
+"""Most trials to find the loading at which a bond breaks. Loads are nearly linear in it, so that
+two suffice, unless the body jumps to another equilibrium.
+"""
+
+
+class Tearing(Equilibria):
+    """Stage in equilibrium in which bonds break.
+
+    The loading stops where the first bond exceeds its critical stretch or breaks by strength. The
+    most overloaded bonds break, the body finds equilibrium again under constant loads, and so on
+    until no bond is overloaded: an avalanche, during which no time passes. Then the loading goes
+    on.
+
+    Parameters
+    ----------
+    run : Run
+    stage : Stage
+    solver : EquilibriumSolver
+    checkpoints : Checkpoints
+    """
+
+    def __init__(
+        self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints
+    ) -> None:
+        super().__init__(run, stage, solver, checkpoints)
+        self._path = ParameterPath(run, stage, solver, LARGEST_STRAIN)
+        self._cracks = Cracks(run, stage.duration is not None)
+
+    def resume(self, checkpoint: Checkpoint) -> None:
+        super().resume(checkpoint)
+        run = self.run
+        evaluations = run.force.evaluations
+        kept = Accepted(run, self.solver)
+        run.loaded(run.positions, np.empty_like(run.positions))
+        kept.restore(run, self.solver)
+        run.force.evaluations = evaluations
+
+    def go(self) -> bool:
+        """Compute and record the remaining outputs of the stage, or those before the body has
+        separated between its supports; return True.
+        """
+        self._account = TearAccount(self.run)
+        if not self._checkpoints.resumable:  # broken bonds cannot be restored otherwise
+            self._checkpoint()
+        super().go()
+        return True
+
+    def _go_to(self, stop: float, time: float) -> Equilibrium | None:
+        """Return the equilibrium at `stop`, as `Equilibria._go_to`, or the first one after the body
+        has separated.
+        """
+        state = self.run.state
+        self._stop = stop
+        end = state.time + time
+        equilibrium = self._avalanche(None)
+        while not self.through and (equilibrium is None or state.parameter != stop):
+            self._pause()
+            goal = self._account.expects_event(1 + OVERLOAD / 2, stop)
+            share = (goal - state.parameter) / (stop - state.parameter) if goal != stop else 1.0
+            increments = self._path.increments_to(goal, share * (end - state.time))
+            equilibrium = self._avalanche(self._follow_to_event(increments))
+        return equilibrium
+
+    def _follow_to_event(self, increments: Increments) -> Equilibrium:
+        """Return the equilibrium at the end of the present increment, or else the one at which
+        the first bond is overloaded.
+        """
+        run = self.run
+        begin = run.state.parameter
+        at_begin = self._account.totals.load
+        for trial in range(MOST_TRIALS):
+            equilibrium, before = self._attempt(increments)
+            load = run.damage.greatest_load(run.force)
+            if load <= 1 + OVERLOAD or trial == MOST_TRIALS - 1:
+                break
+            before.restore(run, self.solver)
+            part = (1 + OVERLOAD / 2 - at_begin) / (load - at_begin)
+            goal = begin + part * (increments.target - begin)
+            increments = Increments(begin, goal, np.inf, part * increments.duration)
+        self._accept(increments, before)
+        self._account.follow(load)
+        return equilibrium
+
+    def _avalanche(self, equilibrium: Equilibrium | None) -> Equilibrium | None:
+        """Break overloaded bonds and find equilibrium again, until none is overloaded; return the
+        last equilibrium, the given one if no bond breaks.
+        """
+        run = self.run
+        totals = self._account.totals
+        while True:
+            failing = run.damage.failing(run.force, alone=True)
+            pairs, loads, _ = failing
+            if self.through or not run.body.share.any(len(pairs) > 0):
+                break
+            if not totals.breaking:
+                self._row()
+                totals.breaking = True
+                totals.events += 1
+            else:
+                self._pause()
+            foremost = run.damage.foremost(pairs, loads, OVERLOAD)
+            equilibrium = self._break(foremost, failing.cause)
+        if totals.breaking:
+            totals.breaking = False
+            totals.load = run.damage.greatest_load(run.force)
+            run.earlier = None
+            self.through = self.through or self._cracks.separated()
+            run.note(run.state.parameter, reason=f"{run.state.crack['broken_bonds']} bonds broken")
+            if not (self.through or run.state.parameter == self._stop):  # where an output follows
+                self._row()
+        return equilibrium
+
+    def _break(self, pairs: np.ndarray, cause: str) -> Equilibrium:
+        """Break pairs, given by number, and the bonds of points that fail without them; find and
+        return the equilibrium under the same loads.
+        """
+        run = self.run
+        solver = self.solver
+        run.force.elapse(0.0)
+        while run.body.share.any(len(pairs) > 0):
+            self._cracks.break_bonds(pairs, cause)
+            run.force.place(run.positions)
+            pairs = self._cracks.bonds_of_failed_points()
+        left = self._account.energy_left()
+        before = Accepted(run, solver)
+        tolerance = run.problem.scene.solver.tolerance
+        if run.state.parameter != self._stop:
+            tolerance = max(tolerance, self._coarse())
+        try:
+            equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
+        except (*FAILURES, TooSmall):
+            before.restore(run, solver)
+            if not self._cracks.separated():
+                raise
+            # What the parts do that nothing holds is no result of the tear.
+            self.through = True
+            run.loaded(run.positions, np.empty_like(run.positions))
+            equilibrium = Equilibrium(run.residual, 0, solver.name)
+        solver.gave_up = before.gave_up  # the next equilibrium is near
+        run.accept()
+        self._account.fall(left)
+        return equilibrium
+
+    def _pause(self) -> None:
+        """Write a checkpoint if it is late, and stop on request."""
+        run = self.run
+        asked, late = run.body.share.total(
+            (int(run.interruption.asked), int(self._checkpoints.late))
+        )
+        if asked or late:
+            self._checkpoint()
+        if asked:
+            raise Interrupted
+
+    def _stop_on_request(self) -> None:
+        """Go on: a tear stops between equilibria, which take little time."""
+
+    def _note(self, target: float, residual: float) -> None:
+        """Add nothing: the table would have a row for each of thousands of evaluations."""
+
+    def _numbers(self) -> dict[str, float]:
+        return {"broken_bonds": self.run.state.crack["broken_bonds"]}
+
+    def _reports(self, increments: Increments) -> bool:
+        return increments.target == self._stop
+
+    def _coarse(self) -> float:
+        return FINE
+
+    def _check(self, increments: Increments, reached: float, guess: np.ndarray) -> None:
+        if self._reports(increments):
+            super()._check(increments, reached, guess)
+
+    def _record(self, equilibrium: Equilibrium) -> None:
+        self._cracks.output()
+        super()._record(equilibrium)
+
+    def _row(self) -> None:
+        """Add a row for the present equilibrium to the history."""
+        run = self.run
+        level = output_row(run, costly=False)
+        if self.stage.duration is not None:
+            level["time"] = run.state.elapsed + run.state.time
+        run.state.history.append(equilibrium_columns(run, level) | self._columns())
+
+    def _columns(self) -> dict[str, float]:
+        points = self.run.body.share.count(~self.run.force.supported)
+        return self._account.columns() | self._numbers() | {"free_points": points}

@@ -1,0 +1,201 @@
+"""Tears in equilibrium: the energy that they need, their account, the order in which bonds break,
+and what is refused.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+from bodies import sheet
+from stopping import Killed, while_bonds_break
+
+import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem.program import stages_of
+from pdsurrogate.run import checkpoints, tearing
+from pdsurrogate.run.damage import Damage
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+ENERGY = 0.35
+
+
+def strip(**changes):
+    """Strip in pure shear with a precut, of 12 rows, whose G is that of an infinite strip."""
+    given = {
+        "name": "strip",
+        "spacing": 1 / 12,
+        "horizon_ratio": 2.2,
+        "body": {"shape": "rectangle", "size": [4.0, 1.0]},
+        "precuts": [{"start": [-1.0, 0.5], "end": [1.5, 0.5]}],
+        "material": RUBBER,
+        "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+        "stretches": [1.4, 1.6],
+        "fracture": {"energy": ENERGY},
+    }
+    return pds.Scene.model_validate(given | changes)
+
+
+def cantilever(**changes):
+    """Double cantilever, whose ends move apart: it tears stably."""
+    given = {
+        "name": "cantilever",
+        "spacing": 1 / 8,
+        "horizon_ratio": 2.2,
+        "body": {"shape": "rectangle", "size": [3.0, 1.0]},
+        "precuts": [{"start": [-1.0, 0.5], "end": [1.0, 0.5]}],
+        "material": RUBBER,
+        "regions": {
+            "up": {"box": [[-0.1, 0.5], [0.2, 1.1]]},
+            "down": {"box": [[-0.1, -0.1], [0.2, 0.5]]},
+        },
+        "prescribed": [
+            {"region": "up", "x1": 0.0, "x2": 1.0},
+            {"region": "down", "x1": 0.0, "x2": -1.0},
+        ],
+        "steps": [{"to": 1.0, "outputs": 5}],
+        "fracture": {"critical_stretch": 1.8},
+    }
+    return pds.Scene.model_validate(given | changes)
+
+
+def short():
+    """A smaller strip."""
+    return strip(
+        spacing=1 / 8,
+        body={"shape": "rectangle", "size": [1.5, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.75, 0.5]}],
+        fracture={"critical_stretch": 1.8},
+        stretches=[1.3, 1.6],
+    )
+
+
+@pytest.fixture(scope="module")
+def torn():
+    return pds.simulate(strip(), "bond-energy", threads=1)
+
+
+@pytest.fixture(scope="module")
+def opened():
+    return pds.simulate(cantilever(), "bond-energy", threads=1)
+
+
+def test_a_strip_tears_at_its_fracture_energy_and_comes_apart(torn):
+    """G = W h at the peak, as accurate as in dynamics (`test_fracture_energy.py`)."""
+    crack = torn.summary["crack"]
+    law = torn.scene.law()
+    found = homogeneous.pure_shear(law, crack["peak"]["stretch"]).energy_density
+    assert found == pytest.approx(ENERGY, rel=0.07)
+    assert crack["through"]
+    assert torn.summary["status"] == "done"
+    assert torn.levels[-1]["stretch"] < 1.6
+    assert abs(torn.history[-1]["nominal_stress"]) < 1e-3 * crack["peak"]["nominal_stress"]
+    assert torn.summary["peak_nominal_stress"] == crack["peak"]["nominal_stress"]
+
+
+def test_the_energy_put_in_is_stored_released_or_damped(torn, opened):
+    for result in (torn, opened):
+        account = result.summary["quasi_static"]
+        assert abs(account["greatest_energy_gap"]) < 0.2
+        assert account["remark"] is None
+        rows = result.history
+        assert account["energy_put_in"] == max(row["work"] for row in rows)
+        assert abs(account["energy_gap"]) <= abs(account["greatest_energy_gap"])
+        breaks = [
+            after["broken_bonds"] > before["broken_bonds"]
+            for before, after in itertools.pairwise(rows)
+        ]
+        assert account["events"] == sum(breaks)
+        for before, after in itertools.pairwise(result.history):
+            for key in ("released_energy", "damped_energy", "broken_bonds"):
+                # Damped energy is a difference of energies in single precision.
+                assert after[key] >= before[key] - 1e-6
+    last = torn.history[-1]
+    assert last["released_energy"] + last["damped_energy"] == pytest.approx(last["work"], rel=2e-3)
+
+
+def test_a_stable_tear_follows_its_load(opened):
+    """The crack grows with the opening, bond by bond, and no avalanche crosses a fifth of what is
+    left.
+    """
+    tips = opened.summary["crack"]["tips"]
+    broken = [tip["broken_bonds"] for tip in tips]
+    assert broken == sorted(broken)
+    assert len({*broken[1:]}) >= 4
+    events = np.diff([row["broken_bonds"] for row in opened.history])
+    assert events.max() <= 5  # those of one spacing
+    assert not opened.summary["crack"]["through"]
+    forces = [abs(row["force_up_2"]) for row in opened.history]
+    assert forces[-1] < 0.95 * max(forces)
+
+
+def test_neither_the_excess_nor_the_tolerance_changes_the_peak(torn, monkeypatch):
+    monkeypatch.setattr(tearing, "OVERLOAD", tearing.OVERLOAD / 2)
+    monkeypatch.setattr(tearing, "FINE", tearing.FINE / 2)
+    tighter = strip(stretches=[1.4, 1.515])
+    peaks = [torn.summary["crack"]["peak"]]
+    peaks.append(pds.simulate(tighter, "bond-energy", threads=1).summary["crack"]["peak"])
+    stresses = [peak["nominal_stress"] for peak in peaks]
+    assert stresses[1] == pytest.approx(stresses[0], rel=2e-3)
+
+
+def test_settings_of_dynamics_say_how_far_a_slow_tear_goes():
+    moving = {"stretch": 1.5, "stretch_rate": 0.1, "density": 1.0, "outputs": 3}
+    scene = strip(stretches=[1.3], dynamics=moving)
+    assert [stage.tears for stage in stages_of(scene)] == [False, False]
+    slow = strip(
+        stretches=[1.3], dynamics=moving, fracture={"energy": 1.0, "process": "quasi-static"}
+    )
+    before, tearing_stage = stages_of(slow)
+    assert before.tears
+    assert tearing_stage.tears
+    assert tearing_stage.inertia is None
+    assert tearing_stage.duration == pytest.approx(2.0)
+    assert (tearing_stage.to, tearing_stage.outputs) == (1.5, 3)
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match=r"fracture.process: needs dynamics, or process"):
+        strip(fracture={"energy": 1.0, "process": "dynamics"})
+
+
+def test_of_each_place_the_most_loaded_bonds_break_first():
+    """Two places farther apart than a horizon, in a sheet that is stretched more and more along
+    x1, and one bond as long as the first within a difference.
+    """
+    body = sheet(0.1)
+    damage = Damage(body, 1.5)
+    bonds = body.bonds
+    middles = (body.all_points[bonds.first] + body.all_points[bonds.second]) / 2
+    near = np.linalg.norm(middles[:, None] - [[0.25, 0.5], [0.75, 0.5]], axis=2).argmin(axis=0)
+    around = [
+        np.flatnonzero(np.linalg.norm(middles - middles[pair], axis=1) < body.horizon)
+        for pair in near
+    ]
+    pairs = np.unique(np.concatenate(around))
+    loads = np.full(len(pairs), 1.1)
+    one, other = np.searchsorted(pairs, near)
+    loads[one], loads[other] = 1.3, 1.2
+    first = damage.foremost(pairs, loads, 0.01)
+    assert {*near} <= {*first.tolist()}
+    # Others wait for them, except those farther than a horizon from both.
+    apart = np.linalg.norm(middles[first][:, None] - middles[near], axis=2).min(axis=1)
+    assert ((apart == 0) | (apart > body.horizon)).all()
+    twin = next(number for number in around[0] if number != near[0])
+    loads[np.searchsorted(pairs, twin)] = 1.295
+    assert twin in damage.foremost(pairs, loads, 0.01)
+    assert twin not in damage.foremost(pairs, loads, 0.001)
+
+
+@pytest.mark.parametrize("bonds", [0, 15], ids=["before", "in an avalanche"])
+def test_a_killed_slow_tear_resumes_to_the_same_bits(tmp_path, monkeypatch, bonds):
+    whole = pds.simulate(short(), "bond-energy", threads=1)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
+    with pytest.raises(Killed), while_bonds_break(bonds):
+        pds.simulate(short(), "bond-energy", threads=1, folder=tmp_path)
+    resumed = pds.simulate(short(), "bond-energy", threads=1, folder=tmp_path, resume=True)
+    assert resumed.history == whole.history
+    assert resumed.levels == whole.levels
+    for key in ("crack", "quasi_static", "n_force_evaluations"):
+        assert resumed.summary[key] == whole.summary[key]
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
