@@ -160,7 +160,7 @@ class Strengths:
             )
             self.works[within] = zone.work
             if given.strength.scatter is not None:
-                least = np.ones(len(body))
+                least = np.full(len(body), zone.work)
                 try:
                     least[within] = random_works(
                         given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
