@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..forces import FORCES, ForceModel, OutsideDomainWarning
+from ..forces.learned_energy import LearnedEnergy
 from ..materials import Law
 from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
@@ -71,8 +72,8 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     -----
     UserWarning
         If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`); or
-        if an artifact with branches or softening has no energy for sheets, where the exact energy
-        of its material is used.
+        if a learned energy of a body with branches or softening has none for the scene's plane,
+        where the exact energy of its material is used.
     OutsideDomainWarning
         If grips stretch a body with branches at rates that the tests behind them did not have.
     """
@@ -115,21 +116,22 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         # References are elastic solutions.
         update |= {"reference": None} if described.memory else {}
         scene = scene.model_copy(update=update)
-    measured, rates = card.domain.rates, _rates(scene) if described.memory.branches else None
+    measured = card.domain.rates
+    rates = rates_between_grips(scene) if described.memory.branches else None
     if measured and rates and (words := untested_rates(measured, *rates)):
         warnings.warn(f"scene {scene.name}: {words}", OutsideDomainWarning, stacklevel=3)
-    if described.memory and scene.plane not in model.honors["plane"]:
+    if described.memory and scene.plane not in model.remembers and isinstance(model, LearnedEnergy):
         warnings.warn(
-            f"scene {scene.name}: {model.name} has no energy for plane={scene.plane}: the exact"
-            " energy of its material is used (bond-energy), which does not know the range of its"
-            " tests",
+            f"scene {scene.name}: {model.name} has no energy with branches or softening for"
+            f" plane={scene.plane}: the exact energy of its material is used (bond-energy), without"
+            " a check of its domain",
             stacklevel=3,
         )
         model = load_surrogate("bond-energy")
     return with_measured(scene, card, _unit_of_stress), model
 
 
-def _rates(scene: Scene) -> tuple[float, float] | None:
+def rates_between_grips(scene: Scene) -> tuple[float, float] | None:
     """Return the mean and the greatest rate of stretch of a body between grips, per second, None
     for other bodies, whose rates loads determine, and for bodies without times.
     """
@@ -164,8 +166,10 @@ def material_on(card: Card, scene: Scene) -> Law:
             else law.scaled(scene.law().shear_modulus / law.shear_modulus)
         )
     law = law.scaled(_unit_of_stress(card, scene))
-    if card.training.get("identification") and law.memory and scene.units.time in SECONDS:
-        law = replace(law, memory=law.memory.scaled(1.0, 1 / SECONDS[scene.units.time]))
+    tests = card.training.get("identification") or {}
+    second = SECONDS.get(tests.get("time_unit", "s"))
+    if tests and law.memory and second and scene.units.time in SECONDS:
+        law = replace(law, memory=law.memory.scaled(1.0, second / SECONDS[scene.units.time]))
     return law
 
 

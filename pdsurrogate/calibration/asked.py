@@ -3,6 +3,7 @@ parameters.
 """
 
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ..arguments import check_kind
 from ..identification import nominal_stress
 from ..materials import LAWS
+from ..problem.program import stages_of
 from ..scenes import Mesh, Scene, load_scene
 
 REFINED = 3
@@ -70,6 +72,14 @@ def fine_spacing(model, scene: Scene) -> float | None:
     """Return the spacing of the finer simulation of a scene; None for the scene's own."""
     ratio = ratio_of(model)
     return None if ratio == 1 or scene.spacing is None else scene.spacing / ratio
+
+
+def times_of(scene: Scene) -> np.ndarray:
+    """Return the times of the outputs of a scene, as far as its steps have durations."""
+    timed = takewhile(lambda stage: stage.duration is not None, stages_of(scene))
+    return np.cumsum(
+        [stage.duration / stage.outputs for stage in timed for _ in range(stage.outputs)]
+    )
 
 
 def scales_of(model) -> np.ndarray:

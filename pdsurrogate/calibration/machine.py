@@ -12,6 +12,10 @@ from ..measurements.table import Block, Column
 from ..problem.program import stages_of
 from ..results.tables import column_name
 from ..scenes import Scene
+from .asked import times_of
+
+ROUNDED = 1e-9
+"""Time by which a step may lie beyond those of a table, over its duration."""
 
 
 def is_machine(path: Path) -> bool:
@@ -26,8 +30,9 @@ def machine_forces(
     """Return steps and forces, (n, 2), from a machine's table, in the units of the scene, for
     sheets per unit of thickness; and words for the place of each.
 
-    Row k is that of step k if there are as many; else `times` has the time of each step in
-    seconds, with commas between them, or is a table with a column of them.
+    `times` has the time of each step in seconds, with commas between them, or is a table with a
+    column of them; by default times are those of the scene, if its steps have some and the table
+    too. Without times row k is that of step k.
 
     Raises
     ------
@@ -64,15 +69,25 @@ def machine_forces(
         if scene.stretched
         else sum(stage.outputs for stage in stages_of(scene))
     )
+    wanted = np.zeros(0)
     if times is not None:
         wanted = _times(times)
-        clock = _seconds(path, block)
         if len(wanted) != count:
             raise ValueError(f"--times: {len(wanted)} times for {count} steps of {scene.name}")
-        if not (np.diff(clock) > 0).all() or wanted.min() < clock[0] or wanted.max() > clock[-1]:
+    elif any("time" in one.quantities for one in block.columns):
+        wanted = times_of(scene) * factor(units.time or "s", "s")
+    if count == len(wanted):
+        clock = _seconds(path, block)
+        slack = ROUNDED * np.ptp(clock)
+        if (
+            not (np.diff(clock) > 0).all()
+            or wanted.min() < clock[0] - slack
+            or wanted.max() > clock[-1] + slack
+        ):
+            whose = f"of scene {scene.name}" if times is None else "by --times"
             raise ValueError(
                 f"{path}: times must increase, and contain those of the steps: {clock[0]:g} to"
-                f" {clock[-1]:g} s, and {wanted.min():g} to {wanted.max():g} s by --times"
+                f" {clock[-1]:g} s, and {wanted.min():g} to {wanted.max():g} s {whose}"
             )
         values = np.interp(wanted, clock, values)
     elif len(values) != count:

@@ -16,7 +16,8 @@ from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
 from ..progress import listening
 from ..results import Result
-from ..run.sensitivity import Differentiated, differentiated
+from ..run.followed import FollowedRun
+from ..run.sensitivity import Differentiated, Jacobian, differentiated
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
 from ..scenes.pulled import pulled_force
@@ -146,15 +147,8 @@ class MeasuredScene:
         result = _simulated(with_law(self.scene, law))
         responses = None
         if chain is not None:
-            body = replace(self._base.changed(_named_numbers(law)), at_places=None)
-            responses = [
-                np.einsum(
-                    "pnd,pk->ndk",
-                    body.jacobian(self._parameters[step], self._guesses[step], [], names).moved,
-                    chain,
-                )
-                for step in self.steps
-            ]
+            found = self._jacobians(law, [], names, places=False)
+            responses = [np.einsum("pnd,pk->ndk", one.moved, chain) for one in found.values()]
         return Kinematics.of(result, [step - 1 for step in self._levels(result)], responses)
 
     def states(self, law: Law) -> np.ndarray:
@@ -197,18 +191,11 @@ class MeasuredScene:
         NoEquilibrium, InvalidState, SimulationFailed
             If the equilibria are not found with this law.
         """
-        body = self._base.changed(_named_numbers(law))
         values = np.empty(len(self.rows.step))
         derivatives = np.empty((len(self.rows.step), len(names)))
         outputs = [] if self.rows.is_field.all() else self.outputs
         keys = list(dict.fromkeys(name for name, _ in outputs))
-        for step in self.steps:
-            try:
-                found = body.jacobian(self._parameters[step], self._guesses[step], keys, names)
-            except (NoEquilibrium, InvalidState):
-                self.begin(law)  # in increments, as a run goes
-                found = body.jacobian(self._parameters[step], self._guesses[step], keys, names)
-            self._guesses[step] = found.displacements
+        for step, found in self._jacobians(law, keys, names).items():
             here = self.rows.step == step
             for target, source, seen in (
                 (values, found.values, self._seen),
@@ -218,6 +205,37 @@ class MeasuredScene:
                 fields = source[len(keys) :].reshape(*self._places.shape, *source.shape[1:])
                 target[here] = self._of_rows(here, rows, seen(step, fields))
         return values, derivatives
+
+    def _jacobians(
+        self, law: Law, outputs: Sequence[str], names: Sequence[str], places: bool = True
+    ) -> dict[int, Jacobian]:
+        """Return measurements, with `places` also those of displacements, of all steps with a law,
+        and their derivatives by its numbers.
+        """
+        scene = with_law(self.scene, law)
+        measured = places and len(self._places)
+        if scene.remembers:
+            run = FollowedRun(scene, checked_models(scene, load_surrogate(FORCE)))
+            measuring = [self._at_places] if measured else []
+            with listening(None):
+                every = run.follow(outputs, names, max(self.steps) - 1, *measuring)
+            found = {step: every[step - 1] for step in self.steps}
+        else:
+            body = self._base.changed(_named_numbers(law))
+            body = body if measured else replace(body, at_places=None)
+
+            def at(step: int) -> Jacobian:
+                return body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+
+            found = {}
+            for step in self.steps:
+                try:
+                    found[step] = at(step)
+                except (NoEquilibrium, InvalidState):
+                    self.begin(law)  # in increments, as a run goes
+                    found[step] = at(step)
+        self._guesses |= {step: one.displacements for step, one in found.items()}
+        return found
 
     def weak_form(
         self, law_of: Callable[[np.ndarray], Law], start: np.ndarray, y: np.ndarray
@@ -374,11 +392,6 @@ class MeasuredScene:
 
     def _check(self) -> None:
         """Raise ValueError for steps or quantities that the scene does not have."""
-        if self.scene.remembers:
-            raise ValueError(
-                f"scene {self.scene.name}: a law with branches or softening cannot be calibrated"
-                " with a body: learn it from tests over time (identify --branches)"
-            )
         rows = self.rows
         d = self.scene.dimension
         count = len(self.scene.stretches) if self.scene.stretched else None

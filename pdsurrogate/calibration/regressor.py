@@ -35,10 +35,11 @@ class SceneRegressor(LawEstimator):
     forces.
 
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters
-    (theory, section 23) are those of a bounded least-squares iteration (Gauss-Newton steps in a
-    trust region), so that noisy fields are never differentiated. A finer simulation of the fitted
-    law corrects the simulation at the spacing of the scene; the standard errors contain an estimate
-    of the discretization error that remains (theory, section 28). A fit takes seconds to many
+    (theory, section 23, with branches or softening (100a)) are those of a bounded least-squares
+    iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated.
+    A finer simulation of the fitted law corrects the simulation at the spacing of the scene; the
+    standard errors contain an estimate of the discretization error that remains (theory, section
+    28). A fit takes seconds to many
     minutes; `pdsurrogate.progress` tells how far it is.
 
     Parameters
@@ -46,7 +47,8 @@ class SceneRegressor(LawEstimator):
     scene : Scene, str, path or list of these, default="hole"
         Test, or several tests of one material. The search starts at the material of a scene if this
         has the law that is fitted. K/mu is that of the scene unless `bulk_ratio` or `bulk_modulus`
-        is given.
+        is given. Branches and softening of its material are fitted with the law, from its numbers
+        on; those that are zero stay zero. The program of each scene then needs times.
     law : str or None, default="neo-hookean"
         Name of the law; None for an energy without a law, an average of energies of few terms of
         both invariants, weighted by how well they fit (theory, section 28). It is a
@@ -231,10 +233,10 @@ class SceneRegressor(LawEstimator):
         Raises
         ------
         ValueError
-            If the law is unknown, X has other columns, steps or quantities than the
-            scene, a place lies outside the body, displacements are unlike those of the scene, the
-            law has no equilibrium at the start of the search, or an energy without a law is to be
-            found from displacements alone or from too few measurements.
+            If the law is unknown, a scene has no times for branches, X has other columns, steps or
+            quantities than the scene, a place lies outside the body, displacements are unlike those
+            of the scene, the law has no equilibrium at the start of the search, or an energy
+            without a law is to be found from displacements alone or from too few measurements.
         TypeError
             If a parameter is of another kind than named above.
 

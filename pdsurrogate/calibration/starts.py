@@ -10,6 +10,7 @@ from ..materials import LAWS, Law, Ogden
 from .asked import scenes_of
 from .free import EnergyUnknowns, floored, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Unlike
+from .remembering import MemoryUnknowns, with_memory
 from .search import DIFFERENCE, Search, Space, failing
 
 FARTHEST = 0.5
@@ -34,18 +35,24 @@ three terms.
 """
 
 
-def unknowns_of(model, count: int) -> LawRegressor | EnergyUnknowns:
+def unknowns_of(model, count: int) -> LawRegressor | MemoryUnknowns | EnergyUnknowns:
     """Return the unknowns of the fit; raise ValueError unless `count` measurements can determine
     them.
     """
     bulk = bulk_of(model)
     if model.law is None:
+        if remembering := [one.name for one in scenes_of(model) if one.remembers]:
+            raise ValueError(
+                f"scene {remembering[0]}: an energy without a law has no branches and no softening:"
+                " fit a law (--law), or learn it from tests over time (fit --free --branches)"
+            )
         unknown = EnergyUnknowns(
             bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus")
         )
         _check_energy(model, unknown, count)
         return unknown
-    unknown = LawRegressor(model.law, model.n_terms).set_params(**bulk)
+    elastic = LawRegressor(model.law, model.n_terms).set_params(**bulk)
+    unknown = with_memory(elastic, scenes_of(model))
     names = unknown.unknowns()
     if count < len(names):
         raise ValueError(
@@ -95,14 +102,15 @@ def search_from(
 
 
 def first_values(model) -> np.ndarray:
-    """Return the parameters of a scene or the law's defaults."""
+    """Return the parameters of a scene or the law's defaults, and those of a scene's memory."""
+    unknown = model.unknown_
     stated = [
         scene.law()
         for scene in scenes_of(model)
         if scene.material is not None and scene.material.law == model.law
     ]
-    if isinstance(model.unknown_, EnergyUnknowns):
-        start = model.unknown_.start()
+    if isinstance(unknown, EnergyUnknowns):
+        start = unknown.start()
     elif model.law == Ogden.name:
         exponents = np.array(EXPONENTS[model.n_terms - 1])
         sizes = 1 / np.abs(exponents)
@@ -112,8 +120,9 @@ def first_values(model) -> np.ndarray:
         start = np.concatenate([sizes, exponents])
     else:
         law = stated[0] if stated else LAWS[str(model.law)]()
-        start = np.array([getattr(law, name) for name in model.unknown_.unknowns()])
-    return start
+        elastic = unknown.elastic if isinstance(unknown, MemoryUnknowns) else unknown
+        start = np.array([getattr(law, name) for name in elastic.unknowns()])
+    return unknown.completed(start) if isinstance(unknown, MemoryUnknowns) else start
 
 
 def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -144,6 +153,8 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
             len(start) if model.law is None else model.n_terms if model.law == Ogden.name else 1
         )
         start[:moduli] *= product / square
+        if isinstance(model.unknown_, MemoryUnknowns):
+            start = model.unknown_.completed(start)
     return start
 
 

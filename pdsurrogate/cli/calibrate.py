@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from typer import Argument, Option
 
+from ..artifacts.material import rates_between_grips
 from ..artifacts.places import new_artifact, next_version
 from ..calibration import SceneRegressor, reporting
 from ..calibration.field_files import FieldFacts
@@ -62,7 +63,8 @@ def calibrate(
             metavar="TIMES",
             help=(
                 "Time of each step in the table of a machine, in seconds with commas between them,"
-                " or a table with a column of times (default: its rows are the steps)."
+                " or a table with a column of times (default: those of the scene, or else its rows"
+                " are the steps)."
             ),
         ),
     ] = None,
@@ -163,7 +165,12 @@ def calibrate(
     seconds = time.perf_counter() - began
     print_calibrated(found)
     data = f"{' and '.join(file.name for file in (*(fields or ()), forces) if file)} in {test.name}"
-    settings = FitSettings(energy=test.plane != "stress", folds=0)
+    memory = model.law_.memory
+    if memory:  # of which bond forces have none
+        rates = rates_between_grips(test) if memory.branches else None
+        known = rates and np.isfinite(rates).all()
+        found |= {"time_unit": test.units.time or "s", "rates": [*rates] if known else None}
+    settings = FitSettings(energy=test.plane != "stress" or bool(memory), folds=0)
     if free:  # a law is trusted beyond the states of the test, an energy of terms is not
         settings = settings.within(*model.stretch_range_)
     with Bar(name):

@@ -102,7 +102,7 @@ class EnergyModel(ForceModel):
     """
 
     family = "bond energy"
-    remembers = tuple(PLANES)
+    remembers: tuple[str, ...] = ("strain", "space")
     domain: Domain | None
 
     @property
@@ -224,7 +224,7 @@ class BondEnergyForce(EnergySurrogate):
     """
 
     name = "bond-energy"
-    several_materials = tuple(PLANES)
+    remembers = several_materials = tuple(PLANES)
     domain = None
 
     def honored(self, plane: str) -> Mapping[str, tuple]:

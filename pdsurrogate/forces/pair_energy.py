@@ -480,12 +480,7 @@ class PairEnergy(MaterialTerm):
             self.binding.outside == "fallback"
         ):  # the exact energy counts in the whole band where it is blended in
             learned = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
-        if law.memory:  # added to the elastic energy at the thickness without memory
-            _, exact, density = plane_stress.exact(law, F[learned])
-            stress[learned] -= exact
-            energy[learned] -= density
-        else:
-            stress[learned] = energy[learned] = 0.0
+        stress[learned] = energy[learned] = 0.0
         stress[learned, :2, :2] += (
             part.unit
             * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]

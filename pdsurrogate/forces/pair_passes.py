@@ -144,8 +144,6 @@ class PairEnergies(PairsWithEnergy):
 
     Attributes
     ----------
-    learned : bool
-        Whether the energy is learned.
     count_rows : ndarray of int, shape (n_chunks, 3)
         Counts of the chunks, see `counts`.
     """
@@ -176,15 +174,12 @@ class PairEnergies(PairsWithEnergy):
             else UNGUARDED
         )
         self.count_rows = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
-        exact = analytic_energy_density(precision).address
-        self.learned = compiled.address != exact
-        if points.law.memory and not self.learned:
-            self.steps = []
+        if points.law.memory:
             return  # a `SheetMemory` has the passes
         limits = (domain or EVERYWHERE).limits(precision)
         energy = (
             compiled.address,
-            exact,
+            analytic_energy_density(precision).address,
             compiled.constants(points),
             guard,
             limits,

@@ -359,8 +359,8 @@ def _check_memory(model: ForceModel, law: Law, plane: str) -> None:
     """Raise ValueError if a law has a memory that a model does not describe."""
     if law.memory and plane not in model.remembers:
         raise ValueError(
-            f"{model.name} does not describe branches or softening with plane={plane}; leave them"
-            " out of the material"
+            f"{model.name} does not describe branches or softening with plane={plane}; use"
+            " force=bond-energy, or leave them out of the material"
         )
 
 

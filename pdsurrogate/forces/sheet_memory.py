@@ -5,7 +5,6 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import sheet_memory
-from ..kernels.energy_density import analytic_energy_density
 from ..materials import PLANES
 from .binding import Binding
 from .kinematics import Kinematics
@@ -18,9 +17,6 @@ plane = PLANES["stress"]
 class SheetMemory(PairMemory):
     """Branches and softening of the pairs of one material in a sheet, whose thickness follows from
     the sum of all stresses.
-
-    With a learned elastic energy they add the difference that they make in the exact energy of the
-    law.
 
     Parameters
     ----------
@@ -61,12 +57,10 @@ class SheetMemory(PairMemory):
             part.pairs,
             law,
             steps,
-            (analytic_energy_density("float64").address or 0) if part.learned else 0,
             buffers,
-            kinematics.scratch,
             results,
         )
-        return [*part.steps, find]
+        return [find]
 
     def begin(self, elapsed: float) -> None:
         if self.follows_positions:  # by the thickness of a step at that of constant volume

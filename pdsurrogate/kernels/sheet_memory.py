@@ -10,9 +10,7 @@ import numpy as np
 from ..engine.block_arrays import (
     BLOCK,
     block_rows,
-    pair_records,
     put_column,
-    quad_records,
     rows_from,
 )
 from ..engine.compile import call_block, inline, inlined, widest_vectors
@@ -218,9 +216,7 @@ def pair_energies(
     pairs,
     law,
     memory,
-    elastic,
     buffers,
-    scratch,
     results,
 ):
     """Compute the energy, the force and the moment of every pair, see `bond_energy.pair_energies`.
@@ -228,12 +224,9 @@ def pair_energies(
     `pairs` are the numbers of the first and second points, and their geometry. `law` are the
     addresses of the law's response under plane stress and of its isochoric part, which softening
     needs, and its parameters. `memory` are the moduli of the branches over the shear modulus, the
-    parameters of softening or none, and the coefficients of `selective_memory.begin_steps`.
-    `elastic` is the address of the exact elastic energy, or 0. If it is given, energies, forces and
-    moments hold those of a learned elastic energy, to which the difference between the energy with
-    memory and the exact elastic one is added. The results are: `counts`, of which the first column
-    stays as it is; energies of blocks of which forces and moments are the derivatives, and those
-    that are stored; forces and moments.
+    parameters of softening or none, and the coefficients of `selective_memory.begin_steps`. The
+    results are: `counts`, of which the first column stays as it is; energies of blocks of which
+    forces and moments are the derivatives, and those that are stored; forces and moments.
     """
     ends, geometry = pairs
     moduli, softening, coefficients = memory
@@ -292,23 +285,6 @@ def pair_energies(
                 M, gained = tensors.take_step(B, b, Cb)
                 put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
                 total += reference[counted, k] * (weight * gained)
-        if elastic != 0:
-            call_block(
-                elastic,
-                states,
-                moduli,
-                moduli,
-                response,
-                parameters,
-                moduli,
-                scratch[chunk.thread],
-                part,
-            )
-            for k in range(BLOCK):
-                result[0, k] -= 2.0 * part[1, k]
-                result[1, k] -= states[1, k] * part[2, k]
-                result[2, k] -= part[0, k]
-                result[3, k] -= part[0, k]
         kept = 0.0
         for k in range(BLOCK):
             F = plane.matrix_column_at(sums, k)
@@ -324,16 +300,6 @@ def pair_energies(
             total += reference[counted, k] * result[3, k]
             kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
             put_parts(bonds, sums, reference, k, P)
-        if elastic != 0:
-            force = pair_records(forces[at : at + BLOCK])
-            moment = quad_records(moments[at : at + BLOCK])
-            for k in range(BLOCK):
-                for row in range(2):
-                    bonds[row, k] += force[k, row]
-                for row in range(4):
-                    sums[row, k] += moment[k, row]
-            kept += energies[block]
-            total += energies[block]
         for k in range(0, BLOCK, 4):
             plane.put_vectors(bonds, k, forces, at + k)
             plane.put_matrices(sums, k, moments, at + k)

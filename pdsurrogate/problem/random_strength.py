@@ -1,4 +1,4 @@
-"""Random strengths: Weibull's distribution in cells of a correlation length, theory, section 31."""
+"""Random strengths: Weibull's distribution in cells of a correlation length, theory, section 32."""
 
 import math
 from collections.abc import Sequence
