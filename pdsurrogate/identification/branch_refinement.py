@@ -3,6 +3,7 @@ with free times.
 """
 
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -131,16 +132,28 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     def value(x):
         return np.exp(x, out=x.copy(), where=logarithmic)
 
+    # Steps of one parameter, and derivatives after an evaluation, ask for the same again.
+    @cache
+    def unsoftened(*values):
+        return curves.elastic(form.elastic.law(np.array(values)))
+
+    @cache
+    def relaxing(*times):
+        later = np.array(times) * np.exp(DIFFERENCE)
+        return np.hsplit(curves.columns(np.r_[times, later]), 2)
+
     def elastic(values):
         try:
-            return curves.elastic(elastic_form.law(values[:before]))
+            energy, stress = unsoftened(*values[: len(form.elastic.names)])
+            softening = elastic_form.law(values[:before]).memory.softening
         except ValueError:  # parameters between the bounds that are not those of a law
             return np.full(len(y), np.nan)
+        return stress * curves.softened(softening, energy)
 
     def residuals(x):
         values = value(x)
         _, _, moduli, times = form.parts(values)
-        found = root * (elastic(values) + curves.columns(times) @ moduli - y)
+        found = root * (elastic(values) + relaxing(*times)[0] @ moduli - y)
         return found if np.isfinite(found).all() else np.full(len(y), FAILED)
 
     def jacobian(x):
@@ -154,9 +167,8 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
             moved = x.copy()
             moved[place] += size if 2 * x[place] < low[place] + high[place] else -size
             columns.append((elastic(value(moved)) - here) / (moved[place] - x[place]))
-        relaxing = curves.columns(np.r_[times, times * np.exp(DIFFERENCE)])
-        relaxing, moved = relaxing[:, :k], relaxing[:, k:]
-        table = np.column_stack([*columns, relaxing, moduli * (moved - relaxing) / DIFFERENCE])
+        now, later = relaxing(*times)
+        table = np.column_stack([*columns, now, moduli * (later - now) / DIFFERENCE])
         return root[:, None] * np.nan_to_num(table, posinf=0.0, neginf=0.0)
 
     ends = low, high, np.clip(start, low, high)
@@ -192,7 +204,8 @@ def _search_range(form: Form, curves: Curves, y: np.ndarray, start: np.ndarray):
     elastic = form.parts(start)[0]
     low, high, logarithmic = form.elastic.search_range(elastic, np.abs(y).max())
     if form.softening:
-        top = curves.energy(form.elastic.law(elastic)).max()
+        # Within the bounds, for a law may have no term of size zero.
+        top = curves.energy(form.elastic.law(np.clip(elastic, low, high))).max()
         scale = np.array([top if key == "m" else 1.0 for key in form.softening])
         least, most = scale * np.array([SOFTENING[key] for key in form.softening]).T
         low, high = np.r_[low, least], np.r_[high, most]

@@ -81,18 +81,17 @@ class Curves(NamedTuple):
         slopes = squares[:, None] / states
         return (slopes[..., 0] - slopes[..., 2]) / np.sqrt(squares[:, :1])
 
-    def elastic(self, law: Law) -> np.ndarray:
-        """Return the nominal stresses of the elastic energy of a law, softened if it softens, shape
-        (n_rows,).
+    def elastic(self, law: Law) -> tuple[np.ndarray, np.ndarray]:
+        """Return the isochoric elastic energy of a law in each row, and its nominal stress, which
+        is not softened.
         """
         logs = np.log(self.squares[self.place]) / 2
         energy, slopes = isochoric(law, logs)
-        stress = (slopes[:, 0] - slopes[:, 2]) * np.exp(-logs[:, 0])
-        return stress * self.softened(law.memory.softening, energy)
+        return energy, (slopes[:, 0] - slopes[:, 2]) * np.exp(-logs[:, 0])
 
     def energy(self, law: Law) -> np.ndarray:
         """Return the isochoric elastic energy of a law in each row."""
-        return isochoric(law, np.log(self.squares[self.place]) / 2)[0]
+        return self.elastic(law)[0]
 
     def softened(self, softening: Softening | None, energy: np.ndarray) -> np.ndarray:
         """Return the factor of softening of each row, 1 without softening, by the energies."""
@@ -104,7 +103,9 @@ class Curves(NamedTuple):
         """Return the nominal stresses of a law with memory, shape (n_rows,)."""
         branches = law.memory.branches
         moduli = np.array([one.modulus for one in branches])
-        return self.elastic(law) + self.columns([one.time for one in branches]) @ moduli
+        energy, stress = self.elastic(law)
+        stress = stress * self.softened(law.memory.softening, energy)
+        return stress + self.columns([one.time for one in branches]) @ moduli
 
     def peak(self, values: np.ndarray) -> np.ndarray:
         """Return the greatest value of a curve up to each of its rows."""

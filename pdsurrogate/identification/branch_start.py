@@ -9,6 +9,7 @@ from ..materials import Softening
 from .averaging import nonnegative
 from .branch_search import Curves
 from .elastic_part import Elastic
+from .energy import NEGLIGIBLE
 
 UNLOADED = 0.1
 """Least fall of I1bar - 3 below its greatest value, as a share of this value, in unloading."""
@@ -111,6 +112,8 @@ def start_of(law: str, problem: Problem, relaxing: np.ndarray) -> Start:
     own = elastic.columns(shape)
     if not keys or not sizes.any():
         return Start(shape, np.empty(0), own)
+    # No law has a term of size zero.
+    sizes = np.maximum(sizes, NEGLIGIBLE * sizes.max())
     energy = curves.energy(elastic.law(np.r_[sizes, shape]))
     found, least = own, np.inf
     for r, width, share in product(*STARTS.values()):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
+from threadpoolctl import threadpool_limits
 
 from ..arguments import in_order
 from ..forces import OutsideDomainWarning
@@ -161,6 +162,8 @@ class HistoryRegressor(StressRegressor):
         """
         return data.histories(timed=self.branches != 0)
 
+    # Its matrices are so small that threads would wait for each other.
+    @threadpool_limits.wrap(limits=1, user_api="blas")
     def fit(self, X, y, sample_weight=None):
         """Fit elastic energy and branches to nominal stresses.
 
