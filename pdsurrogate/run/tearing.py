@@ -12,7 +12,7 @@ from ..solvers.increments import Increments
 from .checkpoints import Checkpoints
 from .cracks import Cracks
 from .interruption import Interrupted
-from .levels import FAILURES, FINE, Accepted, Equilibria
+from .levels import COARSE, FAILURES, FINE, Accepted, Equilibria
 from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
@@ -126,11 +126,17 @@ class Tearing(Equilibria):
         run = self.run
         totals = self._account.totals
         stored = self._account.energy
+        rough = False
         while True:
             failing = run.damage.failing(run.force, alone=True)
             pairs, loads, _ = failing
             if self.through or not run.body.share.any(len(pairs) > 0):
-                break
+                if self.through or not rough:
+                    break
+                rough = False
+                equilibrium = self._find_again()
+                continue
+            rough = True
             if not totals.breaking:
                 self._row()
                 totals.breaking = True
@@ -155,18 +161,25 @@ class Tearing(Equilibria):
         return the equilibrium under the same loads.
         """
         run = self.run
-        solver = self.solver
         run.force.elapse(0.0)
         while run.body.share.any(len(pairs) > 0):
             self._cracks.break_bonds(pairs, cause)
             with suppress(InvalidState):  # of points and bonds that fail next
                 run.loaded(run.positions, np.empty_like(run.positions))
             pairs = self._cracks.bonds_of_failed_points()
-        left = self._account.energy_left()
+        return self._find_again(self._account.energy_left())
+
+    def _find_again(self, left: float | None = None) -> Equilibrium:
+        """Find and return the equilibrium under the present loads: a rough one if bonds have just
+        broken, which leave the body the energy `left`, or else one from which the loading goes on.
+        """
+        run = self.run
+        solver = self.solver
         before = Accepted(run, solver)
         tolerance = run.problem.scene.solver.tolerance
-        if run.state.parameter != self._stop:
-            tolerance = max(tolerance, self._coarse())
+        rough = left is not None
+        if not run.force.history and (rough or run.state.parameter != self._stop):
+            tolerance = max(tolerance, COARSE if rough else FINE)
         try:
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
         except (*FAILURES, TooSmall):
@@ -215,7 +228,8 @@ class Tearing(Equilibria):
             super()._check(increments, reached, guess)
 
     def _record(self, equilibrium: Equilibrium) -> None:
-        self.run.state.crack["through"] = self._cracks.output() or self.through
+        through = self._cracks.output(with_way=True)
+        self.run.state.crack["through"] = through or self.through
         super()._record(equilibrium)
 
     def _row(self) -> None:
