@@ -69,6 +69,7 @@ TABLES = {
         "solver": model.SolverSpec,
         "fracture": model.Fracture,
         "fracture.strength": strength.Strength,
+        "fracture.strength.scatter": strength.Scatter,
         "fracture.interfaces": model.InterfaceFracture,
         "materials.fracture": model.Criterion,
         "dynamics": model.Dynamics,

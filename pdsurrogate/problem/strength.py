@@ -4,7 +4,7 @@ must be reached in the mean, theory, section 32.
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..scenes.loading_checks import names_of_materials
 from ..scenes.model import Criterion
 from ..solvers.conditions import Loading
 from .fracture import ends_of_pairs
+from .random_strength import random_works
 
 logger = logging.getLogger(__name__)
 
@@ -65,6 +66,9 @@ class Zone:
     of_points : bool
         Whether the energies of points are divided by the works of their own materials, and not by
         that of the zone: within a material.
+    least : float or ndarray, shape (n,)
+        Share of the work that must be reached in the disc around a point: 1 unless strengths are
+        random.
     """
 
     name: str
@@ -78,6 +82,7 @@ class Zone:
     centers: np.ndarray
     pairs: np.ndarray
     of_points: bool
+    least: float | np.ndarray = 1.0
 
 
 class Strengths:
@@ -154,6 +159,15 @@ class Strengths:
                 (within, ~across, True),
             )
             self.works[within] = zone.work
+            if given.strength.scatter is not None:
+                least = np.full(len(body), zone.work)
+                try:
+                    least[within] = random_works(
+                        given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
+                    )
+                except ValueError as error:
+                    raise ValueError(f"{key}.strength.scatter: {error}") from None
+                self.zones[-1] = replace(zone, least=least / zone.work)
         self.summary = [
             {
                 "of": zone.name,

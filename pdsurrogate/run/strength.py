@@ -96,7 +96,7 @@ class StrongDamage(Damage):
         energy = self._energies(force)
         for zone in self._strengths.zones:
             ratios = self._ratios(zone, energy)
-            value = 0.95 * self.body.share.greatest(float(ratios.max(initial=0.0)))
+            value = 0.95 * self.body.share.greatest(float((ratios / zone.least).max(initial=0.0)))
             for _ in range(2):  # no value is greater than the ratio of the point
                 found = self._discs(zone, ratios, value)
                 value = next(found, (0.0, None))[0]
@@ -156,20 +156,23 @@ class StrongDamage(Damage):
         self, zone: Zone, ratios: np.ndarray, least: float
     ) -> Iterator[tuple[float, np.ndarray]]:
         """Yield the values of the discs of a zone and their centers, shape (d,), the greatest
-        first: the mean over the hull, or the ratio of the point if that is smaller.
+        first: the mean over the hull, or the ratio of the point if that is smaller, over the share
+        of the work at break that is needed there.
 
-        They are centered at the points at which `ratios` are `least` or more.
+        They are centered at the points at which this ratio is `least` or more.
         """
         body = self.body
         share = body.share
-        hot = np.flatnonzero(zone.centers & share.own & (ratios >= least))
+        by_own = ratios / zone.least
+        hot = np.flatnonzero(zone.centers & share.own & (by_own >= least))
         if not share.any(len(hot) > 0):
             return
-        numbers, centers, own = (
+        strengths = np.broadcast_to(zone.least, len(body))
+        numbers, centers, own, strengths = (
             np.concatenate(share.everywhere(rows))
-            for rows in (share.numbers[hot], body.points[hot], ratios[hot])
+            for rows in (share.numbers[hot], body.points[hot], by_own[hot], strengths[hot])
         )
-        means = self.means(zone, centers, ratios)
+        means = self.means(zone, centers, ratios) / strengths
         # The part in the hull, which takes time, is found once it decides.
         waiting = [
             (-min(one), number, index, False)

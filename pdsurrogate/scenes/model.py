@@ -26,7 +26,7 @@ from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
 from .strength import Strength
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused, the_one
+from .strict_model import MEASURED, Finite, Positive, StrictModel, Vector, Whole, refused, the_one
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning
@@ -252,8 +252,9 @@ class Criterion(StrictModel):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
@@ -263,7 +264,7 @@ class Criterion(StrictModel):
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
-    energy: Positive | None = None
+    energy: Annotated[Positive, *MEASURED] | None = None
     strength: Strength | None = None
 
     def model_post_init(self, _) -> None:
@@ -290,8 +291,9 @@ class InterfaceFracture(Criterion):
         material of the rest of the body.
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
@@ -302,6 +304,11 @@ class InterfaceFracture(Criterion):
 
     between: tuple[str, str]
 
+    def model_post_init(self, context: Any) -> None:
+        super().model_post_init(context)
+        if self.strength is not None and self.strength.scatter is not None:
+            raise ValueError("strength.scatter is one of materials, not of an interface")
+
 
 class Fracture(Criterion):
     """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
@@ -310,8 +317,9 @@ class Fracture(Criterion):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
