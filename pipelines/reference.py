@@ -18,7 +18,7 @@ from pdsurrogate.identification import campaign
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
-from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids
+from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids, strength
 from pdsurrogate.studies import description
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,6 +68,8 @@ TABLES = {
         "probes": loading.Probe,
         "solver": model.SolverSpec,
         "fracture": model.Fracture,
+        "fracture.strength": strength.Strength,
+        "fracture.strength.scatter": strength.Scatter,
         "fracture.interfaces": model.InterfaceFracture,
         "materials.fracture": model.Criterion,
         "dynamics": model.Dynamics,

@@ -140,6 +140,7 @@ PAGES = {
     "guide/export.md": left(
         "gent_umat.f", "out/export/ogden_isochoric_1_felupe.py", "yeoh_ufl.py", "gent_1.h"
     ),
+    "guide/will-it-tear.md": left("artifacts/torn-rubber/1/card.json", "out/part/summary.json"),
     "guide/results.md": left("uniaxial-stress_22.png", "sheet.html", "hole-scene.png"),
 }
 """Pages that are typed, and what must be there then besides what they print and the pictures on

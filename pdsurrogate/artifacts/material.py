@@ -16,6 +16,7 @@ from ..materials import Law
 from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
+from .measured import with_measured
 from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
@@ -44,6 +45,9 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
+
+    Numbers of `fracture` that are ``"artifact"`` are the means of the tests on the card, converted
+    in the same way.
 
     With branches or softening it has no reference any more, since references are elastic solutions.
 
@@ -124,7 +128,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             stacklevel=3,
         )
         model = load_surrogate("bond-energy")
-    return scene, model
+    return with_measured(scene, card, _unit_of_stress), model
 
 
 def rates_between_grips(scene: Scene) -> tuple[float, float] | None:
@@ -161,14 +165,20 @@ def material_on(card: Card, scene: Scene) -> Law:
             if scene.material is None
             else law.scaled(scene.law().shear_modulus / law.shear_modulus)
         )
+    law = law.scaled(_unit_of_stress(card, scene))
     tests = card.training.get("identification") or {}
-    unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
-    if unit in PASCALS and scene.units.stress in PASCALS:
-        law = law.scaled(PASCALS[unit] / PASCALS[scene.units.stress])
     second = SECONDS.get(tests.get("time_unit", "s"))
     if tests and law.memory and second and scene.units.time in SECONDS:
         law = replace(law, memory=law.memory.scaled(1.0, second / SECONDS[scene.units.time]))
     return law
+
+
+def _unit_of_stress(card: Card, scene: Scene) -> float:
+    """Return the unit of stress of a card in that of a scene; 1 if one of them is not known."""
+    tests = card.training.get("identification") or {}
+    unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
+    known = unit in PASCALS and scene.units.stress in PASCALS
+    return PASCALS[unit] / PASCALS[scene.units.stress] if known else 1.0
 
 
 def _has_moduli(card: Card) -> bool:

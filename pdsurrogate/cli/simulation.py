@@ -296,7 +296,8 @@ def _print_crack(result: Result) -> None:
     start = crack["start"]
     where = " and ".join(map(_place, start["tips"]))
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
-    out.print(f"First broken bond: at {where}, {at}")
+    cause = f", by {start['cause']}" if "cause" in start else ""
+    out.print(f"First broken bond: at {where}, {at}{cause}")
     peak = crack["peak"]
     if peak:
         out.print(

@@ -385,15 +385,11 @@ def _split(tiles: np.ndarray, trace: np.ndarray, reach: float) -> np.ndarray:
     """Return polygons in which those that a segment, `trace` (2, 2), meets are divided along its
     line; their extent is at most `reach`.
     """
-    import shapely  # here, because few bodies need it
+    import shapely.ops  # here, because few bodies need it
 
     start, end = trace
-    along = (end - start) / np.linalg.norm(end - start)
+    way = 2 * reach * (end - start) / np.linalg.norm(end - start)
+    line = shapely.linestrings([start - way, end + way])
     met = shapely.intersects(tiles, shapely.linestrings(trace))
-    found = [tiles[~met]]
-    low = start - 2 * reach * along
-    high = end + 2 * reach * along
-    for across in (np.array([-along[1], along[0]]), np.array([along[1], -along[0]])):
-        half = shapely.polygons([low, high, high + 2 * reach * across, low + 2 * reach * across])
-        found.append(shapely.get_parts(shapely.intersection(tiles[met], half)))
-    return np.concatenate(found)
+    divided = [shapely.get_parts(shapely.ops.split(tile, line)) for tile in tiles[met]]
+    return np.concatenate([tiles[~met], *divided])

@@ -126,6 +126,13 @@ class Solid:
         """
         return self.exact(law, F)[2]
 
+    def energy_at(self, law: Law, F, volume_ratio):
+        """Return the strain energy per undeformed volume, shape (...), as `stress_and_energy`
+        does, without the stress.
+        """
+        isochoric = self.isochoric_response(law, *self.isochoric_state(F))[-1]
+        return law.shear_modulus * (isochoric + law.volumetric(volume_ratio, law.parameters)[0])
+
     def exact(self, law: Law, F) -> tuple:
         """Return J3 (...), the first Piola-Kirchhoff stress (..., 3, 3) and the energy density
         (...) of a law, from F alone.
@@ -317,6 +324,9 @@ class PlaneStress(PlaneStrain):
             law.shear_modulus * self._stress(np.asarray(F, dtype=float), (p, q, 0.0), 0.0),
             law.shear_modulus * energy,
         )
+
+    def energy_at(self, law: Law, F, volume_ratio):
+        return law.shear_modulus * self.response(law, *invariants(F), volume_ratio)[-1]
 
     def energy_derivatives(self, law: Law, trace, area_ratio):
         """Return psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of the energy as a function of I = tr C

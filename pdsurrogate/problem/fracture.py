@@ -10,7 +10,7 @@ from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.tearing import check_positive, stretch_at
 from ..scenes import Mesh, Scene
-from ..scenes.loading_checks import gives_fracture_energy, names_of_materials
+from ..scenes.loading_checks import criteria_give, names_of_materials
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
 
@@ -157,7 +157,7 @@ class CriticalStretches:
         self._of_points = of_points
         self._scene = scene
         self._remarks = list[str]()
-        tip = tip_diameters_in(scene, family) if gives_fracture_energy(scene) else None
+        tip = tip_diameters_in(scene, family) if criteria_give(scene, "energy") else None
         if tip is not None and isinstance(scene.body, Mesh):
             self._say(
                 "fracture.energy: crack tips were measured on lattices and relaxed points, not on"
@@ -177,7 +177,11 @@ class CriticalStretches:
             for (given, key), law in zip(own, laws, strict=True)
         ]
         names = names_of_materials(scene)
-        ends = np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2))
+        ends = (
+            np.sort(ends_of_pairs(self._body, self._of_points))
+            if rest.interfaces
+            else np.zeros((0, 2))
+        )
         self.of_interfaces = {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
@@ -211,7 +215,7 @@ class CriticalStretches:
         least = np.minimum.outer(self.of_materials, self.of_materials)
         for (one, other), stretch in self.of_interfaces.items():
             least[one, other] = least[other, one] = stretch
-        return least[tuple(self._ends().T)]
+        return least[tuple(ends_of_pairs(self._body, self._of_points).T)]
 
     def _critical(
         self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str
@@ -262,13 +266,13 @@ class CriticalStretches:
         self._remarks.append(remark)
         warnings.warn(f"scene {self._scene.name}: {remark}", stacklevel=3)
 
-    def _ends(self) -> np.ndarray:
-        """Return the numbers of the materials at both ends of every pair of the body, shape
-        (n_pairs, 2).
-        """
-        bonds = self._body.bonds
-        numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
-        return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
+
+def ends_of_pairs(body: Body, of_points: np.ndarray) -> np.ndarray:
+    """Return the numbers of the materials at both ends of every pair of a body, shape (n_pairs,
+    2); `of_points` are those of its points.
+    """
+    numbers = np.concatenate([of_points, of_points[body.ghosts.source]])
+    return np.stack([numbers[body.bonds.first], numbers[body.bonds.second]], axis=1)
 
 
 def check_walls(scene: Scene, body: Body) -> None:
@@ -276,7 +280,9 @@ def check_walls(scene: Scene, body: Body) -> None:
     and too much of it lies in thin walls.
     """
     if not (
-        scene.plane == "space" and scene.horizon_ratio < ONE_LAYER and gives_fracture_energy(scene)
+        scene.plane == "space"
+        and scene.horizon_ratio < ONE_LAYER
+        and criteria_give(scene, "energy")
     ):
         return
     share = share_in_walls(body, LEAST_LAYERS)

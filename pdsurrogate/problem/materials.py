@@ -15,8 +15,9 @@ from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, MaterialPart
 from ..forces.interface_search import YIELDING
 from ..scenes import Part, Scene, SceneError
-from ..scenes.loading_checks import gives_fracture_energy
+from ..scenes.loading_checks import criteria_give, criteria_of
 from ..scenes.regions import label_of_region
+from ..scenes.strict_model import left_to_artifact
 from ..scenes.tip_diameter import tip_diameters_in
 from .regions import BodyRegions
 
@@ -214,7 +215,13 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
-        if gives_fracture_energy(scene):
+        for key, criterion in criteria_of(scene).items():
+            for name in left_to_artifact(criterion):
+                raise ValueError(
+                    f"{key}.{name}: the force model is no artifact with tests behind it: state a"
+                    " number"
+                )
+        if criteria_give(scene, "energy"):
             tip_diameters_in(scene, model.family)
     found = [model]
     for number, part in enumerate(scene.materials):

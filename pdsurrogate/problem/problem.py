@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
+from ..scenes.loading_checks import criteria_give
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loaded_force import LoadedForce
@@ -62,6 +64,9 @@ from .program import (
 )
 from .regions import BodyRegions
 from .time_steps import check_dynamics
+
+if TYPE_CHECKING:
+    from .strength import Strengths
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,8 @@ class Problem:
         Measures that results report.
     critical_stretches : CriticalStretches or None
         Stretches at which bonds break; None without fracture.
+    strengths : Strengths or None
+        Strengths of the materials; None if none has one.
     """
 
     scene: Scene
@@ -108,6 +115,7 @@ class Problem:
     rigid: dict[str, np.ndarray]
     measures: Measures
     critical_stretches: CriticalStretches | None
+    strengths: "Strengths | None"
 
     @cached_property
     def law(self) -> Law:
@@ -409,11 +417,25 @@ def _on_body(
             check_dynamics(scene, loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
-        critical = None
+        critical = strengths = None
         if scene.fracture and portions:
             check_walls(scene, whole)
             critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points)
+            if criteria_give(scene, "strength"):
+                from .strength import Strengths
+
+                strengths = Strengths(scene, body, whole, loading, of_points)
     held = (regions, prescriptions, stages, loading)
     return Problem(
-        scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical
+        scene,
+        models,
+        settings_of(scene),
+        body,
+        whole,
+        *held,
+        portions,
+        rigid,
+        measures,
+        critical,
+        strengths,
     )

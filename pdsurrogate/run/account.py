@@ -114,6 +114,8 @@ class Account:
         Estimated energy by which approximated elastic forces have changed the account.
     outputs : int
         Number of outputs of the stage so far.
+    strength_due : float
+        Time at which bonds that break by strength are next searched for.
     """
 
     time: float = 0.0
@@ -136,6 +138,7 @@ class Account:
     last_drift: int = -STEPS_PER_ROW
     drift: float = 0.0
     outputs: int = 0
+    strength_due: float = 0.0
 
 
 @dataclass(eq=False)

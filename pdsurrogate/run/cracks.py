@@ -93,9 +93,9 @@ class Cracks:
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self.run.body)])
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
+    def break_bonds(self, pairs: np.ndarray, cause: str = "energy") -> None:
         """Break pairs, given by number, in one event: update damage, force and the summary about
-        cracks.
+        cracks, whose start has a `cause`, "energy" or "strength", in a body with strengths.
         """
         run = self.run
         crack = self.run.state.crack
@@ -108,11 +108,13 @@ class Cracks:
         if crack["start"] is None:
             places = starts_of_cracks(*self.damage.in_order(pairs), run.body.horizon)
             row = run.state.history[-1]
+            cause = "energy" if share.any(cause == "energy") else "strength"
             stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
             crack["start"] = {
                 "event": "first bond broken",
                 **self._now(),
                 **stress,
+                **({} if run.problem.strengths is None else {"cause": cause}),
                 "x": places[0],
                 "tips": places,
             }
@@ -141,9 +143,9 @@ class Cracks:
         ]
         return not all(np.isin(pieces[0], others).any() for others in pieces[1:])
 
-    def output(self) -> bool:
-        """Record the places of the crack tips at an output; return whether the body has
-        separated between its supports.
+    def output(self, with_way: bool = False) -> bool:
+        """Record the places of the crack tips at an output, and if wanted the way of the largest
+        crack's tip since the last one; return whether the body has separated between its supports.
         """
         run = self.run
         crack = self.run.state.crack
@@ -156,6 +158,8 @@ class Cracks:
             crack["start"]["tips"] = starts_of_cracks(places, events, run.body.horizon)
         # The tip of the largest crack keeps its place while no bond breaks.
         last = crack["tips"][-1]["tip"] if crack["tips"] else None
+        if with_way:
+            entry["way"] = way_of_tip(places, run.body.horizon)
         crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
         return crack["through"]
 
@@ -172,10 +176,20 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
         Middles of the pairs, in the order in which they broke.
     horizon : float
     """
-    return [
-        places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist()
-        for members in _groups(places, horizon)
-    ]
+    return [_tip(places[members]) for members in _groups(places, horizon)]
+
+
+def way_of_tip(places: np.ndarray, horizon: float) -> list[list[float]]:
+    """Return where the tip of the largest crack was after every tenth of its pairs, at most ten
+    places; `places` and `horizon` as of `crack_tips`.
+    """
+    members = next(iter(_groups(places, horizon)), places[:0])
+    counts = np.unique(np.arange(1, 11) * len(members) // 10)
+    return [_tip(places[members[:count]]) for count in counts[counts > 0]]
+
+
+def _tip(places: np.ndarray) -> list[float]:
+    return places[-max(1, len(places) // 10) :].mean(axis=0).tolist()
 
 
 def crack_path(outputs: list[dict]) -> dict[str, float] | None:
@@ -184,11 +198,11 @@ def crack_path(outputs: list[dict]) -> dict[str, float] | None:
 
     The line is that of least squared distances through the places of the tip at the outputs;
     ``direction`` is its angle with the x1 axis in degrees, from -90 to 90, and ``stray`` the
-    greatest distance of a tip from it. None if the tip was at fewer than three places.
+    greatest distance of a tip from it. None if the tip was at fewer than three places. Outputs of
+    slow tears, in which a crack may jump, have the way of the tip.
     """
-    tips = np.array(
-        list(dict.fromkeys(tuple(output["tip"]) for output in outputs if output["tip"]))
-    )
+    ways = [output.get("way", output["tip"] and [output["tip"]]) for output in outputs]
+    tips = np.array(list(dict.fromkeys(tuple(tip) for way in ways for tip in way or ())))
     if len(tips) < 3:
         return None
     off = tips - tips.mean(axis=0)

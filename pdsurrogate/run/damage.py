@@ -1,6 +1,7 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,9 +10,30 @@ from ..body.body import lengths_of
 from ..engine.block_arrays import BLOCK
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
+from ..forces import InternalForce
 from ..kernels.damage import find_overstretched
 from ..ranks import Rows
 from ..solvers.bond_strains import bond_stretches
+
+
+class Failing(NamedTuple):
+    """Pairs that break in a state of the body."""
+
+    pairs: np.ndarray
+    """Numbers of the pairs, shape (k,), rising."""
+
+    loads: np.ndarray
+    """Stretches over the critical ones; for pairs that break by strength, square roots of the mean
+    energy over the work at break.
+    """
+
+    by_strength: np.ndarray
+    """Flags of the pairs that break by strength, and not beyond the critical stretch."""
+
+    @property
+    def cause(self) -> str:
+        """What breaks the pairs: "strength", or "energy" if it breaks one of them."""
+        return "strength" if self.by_strength.all() else "energy"
 
 
 class Damage:
@@ -98,11 +120,19 @@ class Damage:
         length = lengths_of(positions[bonds.second[pairs]] - positions[bonds.first[pairs]])
         return pairs, length / np.sqrt(self._limits[pairs])
 
-    def greatest_load(self, positions: np.ndarray) -> float:
-        """Return the greatest stretch of an intact bond of the body at positions (n + m, d),
-        divided by its critical stretch.
+    def failing(self, force: InternalForce, strength: bool = True, alone: bool = False) -> Failing:
+        """Return the pairs that break at the positions at which a force was last placed; those that
+        break by `strength` only if that is asked for, or `alone` those of one disc.
+        """
+        pairs, loads = self.overloaded(force.positions)
+        return Failing(pairs, loads, np.zeros(len(pairs), dtype=bool))
+
+    def greatest_load(self, force: InternalForce) -> float:
+        """Return the greatest load, as of `Failing`, of a bond of the body at the positions at
+        which a force was last placed.
         """
         bonds = self.body.bonds
+        positions = force.positions
         square = np.square(positions[bonds.second] - positions[bonds.first]).sum(axis=1)
         load = np.sqrt((square / self._limits[: len(square)]).max(initial=0.0))
         return self.body.share.greatest(float(load))

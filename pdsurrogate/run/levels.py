@@ -208,7 +208,7 @@ class Equilibria:
             equilibrium, before = self._attempt(increments)
             self._accept(increments, before)
             if run.damage is not None and run.body.share.any(
-                len(run.damage.overstretched(run.force.positions)) > 0
+                len(run.damage.failing(run.force).pairs) > 0
             ):
                 return None
         return equilibrium

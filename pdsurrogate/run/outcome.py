@@ -117,6 +117,8 @@ def result_of(
         summary |= (
             {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
         )
+        if run.problem.strengths is not None:
+            summary["strength"] = run.problem.strengths.summary
         summary["crack"] = state.crack | {
             "path": crack_path(state.crack["tips"]),
             "peak": _peak(state.history),

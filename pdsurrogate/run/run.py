@@ -12,7 +12,7 @@ import numpy as np
 
 from ..engine.threads import threads_for
 from ..forces import ForceModel
-from ..problem import compile_scene
+from ..problem import Problem, compile_scene
 from ..progress import event
 from ..ranks import Communicator, communicator
 from ..results import measures
@@ -107,7 +107,7 @@ class Run(System):
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
         critical = problem.critical_stretches
-        self.damage = None if critical is None else Damage(self.body, critical.of_pairs())
+        self.damage = None if critical is None else damage_of(problem)
         self.states = self.states_of()
         self.keep_tables: Callable[..., None] = lambda *_: None
 
@@ -249,6 +249,17 @@ class Run(System):
         self.state.beyond_data.append(
             row | {"share": outside / max(total, 1), "log_stretch": farthest}
         )
+
+
+def damage_of(problem: Problem) -> Damage:
+    """Return the damage of the body of a problem with fracture."""
+    assert problem.critical_stretches is not None  # of a scene with fracture
+    limits = problem.critical_stretches.of_pairs()
+    if problem.strengths is None:
+        return Damage(problem.body, limits)
+    from .strength import StrongDamage  # loaded for scenes with a strength alone
+
+    return StrongDamage(problem.body, limits, problem.strengths)
 
 
 def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

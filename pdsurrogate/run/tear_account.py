@@ -147,9 +147,9 @@ class TearAccount:
         self._run.force.pass_bonds(np.zeros_like(self._run.positions))
         return self._run.strain_energy()
 
-    def fall(self, left: float) -> None:
-        """Count the energy of bonds that have just broken, which leave `left`, and the fall of the
-        energy since then to the present equilibrium, under constant loads.
+    def fall(self, left: float | None) -> None:
+        """Count the energy of bonds that have just broken, which leave `left` (None if none has),
+        and the fall of the energy since then to the present equilibrium, under constant loads.
 
         Without energy right after the break, all of the fall counts as damped.
         """
@@ -157,7 +157,8 @@ class TearAccount:
         old = self._known
         new = self._known = self._present()
         work = self._work_of_loads(old, new)
-        left = left if np.isfinite(left) else old.energy
+        if left is None or not np.isfinite(left):
+            left = old.energy
         totals.work += work
         totals.released_energy += old.energy - left
         totals.damped_energy += left + old.dissipated - new.energy - new.dissipated + work
@@ -187,7 +188,8 @@ class TearAccount:
         if self._run.force.has_energy:
             spent = totals.damped_energy + totals.released_energy + known.dissipated
             totals.gap = known.energy + spent - totals.work
-            totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
+            if totals.corrected or not totals.size:
+                totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
 
     def columns(self) -> dict[str, float]:
         """Return the energies of a row of the history."""

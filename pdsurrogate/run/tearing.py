@@ -9,7 +9,7 @@ from ..solvers.increments import Increments
 from .checkpoints import Checkpoints
 from .cracks import Cracks
 from .interruption import Interrupted
-from .levels import FAILURES, FINE, Accepted, Equilibria
+from .levels import COARSE, FAILURES, FINE, Accepted, Equilibria
 from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
@@ -35,9 +35,10 @@ two suffice, unless the body jumps to another equilibrium.
 class Tearing(Equilibria):
     """Stage in equilibrium in which bonds break.
 
-    The loading stops where the first bond exceeds its critical stretch. The most overloaded bonds
-    break, the body finds equilibrium again under constant loads, and so on until no bond is
-    overloaded: an avalanche, during which no time passes. Then the loading goes on.
+    The loading stops where the first bond exceeds its critical stretch or breaks by strength. The
+    most overloaded bonds break, the body finds equilibrium again under constant loads, and so on
+    until no bond is overloaded: an avalanche, during which no time passes. Then the loading goes
+    on.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ class Tearing(Equilibria):
         at_begin = self._account.totals.load
         for trial in range(MOST_TRIALS):
             equilibrium, before = self._attempt(increments)
-            load = run.damage.greatest_load(run.force.positions)
+            load = run.damage.greatest_load(run.force)
             if load <= 1 + OVERLOAD or trial == MOST_TRIALS - 1:
                 break
             before.restore(run, self.solver)
@@ -115,20 +116,28 @@ class Tearing(Equilibria):
         """
         run = self.run
         totals = self._account.totals
+        rough = False
         while True:
-            pairs, loads = run.damage.overloaded(run.force.positions)
+            failing = run.damage.failing(run.force, alone=True)
+            pairs, loads, _ = failing
             if self.through or not run.body.share.any(len(pairs) > 0):
-                break
+                if self.through or not rough:
+                    break
+                rough = False
+                equilibrium = self._find_again()
+                continue
+            rough = True
             if not totals.breaking:
                 self._row()
                 totals.breaking = True
                 totals.events += 1
             else:
                 self._pause()
-            equilibrium = self._break(run.damage.foremost(pairs, loads, OVERLOAD))
+            foremost = run.damage.foremost(pairs, loads, OVERLOAD)
+            equilibrium = self._break(foremost, failing.cause)
         if totals.breaking:
             totals.breaking = False
-            totals.load = run.damage.greatest_load(run.force.positions)
+            totals.load = run.damage.greatest_load(run.force)
             run.earlier = None
             self.through = self.through or self._cracks.separated()
             run.note(run.state.parameter, reason=f"{run.state.crack['broken_bonds']} bonds broken")
@@ -136,22 +145,29 @@ class Tearing(Equilibria):
                 self._row()
         return equilibrium
 
-    def _break(self, pairs: np.ndarray) -> Equilibrium:
+    def _break(self, pairs: np.ndarray, cause: str) -> Equilibrium:
         """Break pairs, given by number, and the bonds of points that fail without them; find and
         return the equilibrium under the same loads.
         """
         run = self.run
-        solver = self.solver
         run.force.elapse(0.0)
         while run.body.share.any(len(pairs) > 0):
-            self._cracks.break_bonds(pairs)
+            self._cracks.break_bonds(pairs, cause)
             run.force.place(run.positions)
             pairs = self._cracks.bonds_of_failed_points()
-        left = self._account.energy_left()
+        return self._find_again(self._account.energy_left())
+
+    def _find_again(self, left: float | None = None) -> Equilibrium:
+        """Find and return the equilibrium under the present loads: a rough one if bonds have just
+        broken, which leave the body the energy `left`, or else one from which the loading goes on.
+        """
+        run = self.run
+        solver = self.solver
         before = Accepted(run, solver)
         tolerance = run.problem.scene.solver.tolerance
-        if run.state.parameter != self._stop:
-            tolerance = max(tolerance, self._coarse())
+        rough = left is not None
+        if not run.force.history and (rough or run.state.parameter != self._stop):
+            tolerance = max(tolerance, COARSE if rough else FINE)
         try:
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
         except (*FAILURES, TooSmall):
@@ -198,7 +214,7 @@ class Tearing(Equilibria):
             super()._check(increments, reached, guess)
 
     def _record(self, equilibrium: Equilibrium) -> None:
-        self._cracks.output()
+        self._cracks.output(with_way=True)
         super()._record(equilibrium)
 
     def _row(self) -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .loading import controlled_place
-from .model import SceneData, entries_of
+from .model import Criterion, SceneData, entries_of
 from .regions import FACES, label_of_region
 from .tip_diameter import tip_diameters_in
 
@@ -158,18 +158,27 @@ def names_of_materials(scene: SceneData) -> list[str]:
     ]
 
 
-def gives_fracture_energy(scene: SceneData) -> bool:
-    """Return whether a scene gives the fracture energy of a material or an interface."""
-    criteria = (
-        []
-        if scene.fracture is None
-        else [
-            scene.fracture,
-            *scene.fracture.interfaces,
-            *(part.fracture for part in scene.materials),
-        ]
-    )
-    return any(one is not None and one.energy is not None for one in criteria)
+def criteria_of(scene: SceneData) -> dict[str, Criterion]:
+    """Return the criteria of fracture of a scene by their keys."""
+    if scene.fracture is None:
+        return {}
+    return {
+        "fracture": scene.fracture,
+        **{
+            f"fracture.interfaces.{number}": one
+            for number, one in enumerate(scene.fracture.interfaces)
+        },
+        **{
+            f"{key}.fracture": part.fracture
+            for key, part in entries_of(scene, "materials")
+            if part.fracture is not None
+        },
+    }
+
+
+def criteria_give(scene: SceneData, key: str) -> bool:
+    """Return whether a scene gives the "energy" or "strength" of a material or an interface."""
+    return any(getattr(one, key) is not None for one in criteria_of(scene).values())
 
 
 def _moves(scene: SceneData) -> bool:
@@ -227,7 +236,7 @@ def _fracture(scene: SceneData) -> None:
                 " leave one out"
             )
         given.add(between)
-    if gives_fracture_energy(scene):
+    if criteria_give(scene, "energy"):
         tip_diameters_in(scene)  # for which force model, a run checks
 
 

@@ -25,7 +25,8 @@ from .obstacles import Obstacle
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused, the_one
+from .strength import Strength
+from .strict_model import MEASURED, Finite, Positive, StrictModel, Vector, Whole, refused, the_one
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Name of a scene, after which result files are named: no path, and no character with a meaning
@@ -251,18 +252,28 @@ class Criterion(StrictModel):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
-    energy: Positive | None = None
+    energy: Annotated[Positive, *MEASURED] | None = None
+    strength: Strength | None = None
 
     def model_post_init(self, _) -> None:
         the_one(self, ("critical_stretch", "energy"))
+        if self.strength is not None and self.energy is None:
+            raise ValueError(
+                "strength needs energy in place of critical_stretch: their ratio is the size of the"
+                " region over which the strength must be exceeded in the mean"
+            )
 
 
 class InterfaceFracture(Criterion):
@@ -280,14 +291,23 @@ class InterfaceFracture(Criterion):
         material of the rest of the body.
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     """
 
     between: tuple[str, str]
+
+    def model_post_init(self, context: Any) -> None:
+        super().model_post_init(context)
+        if self.strength is not None and self.strength.scatter is not None:
+            raise ValueError("strength.scatter is one of materials, not of an interface")
 
 
 class Fracture(Criterion):
@@ -297,11 +317,15 @@ class Fracture(Criterion):
     ----------
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it
+    energy : float or "artifact", optional
+        Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
+        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
         with the effective diameter of a crack tip, and the package rejects it if no diameter was
         measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
         Unit: stress length.
+    strength : Strength, optional
+        Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
+        the mean over a region, and beyond the critical stretch only at cuts and cracks.
     interfaces : list of InterfaceFracture
         Pairs of materials whose common interface has a fracture energy or critical stretch of its
         own. Bonds between other materials break at the smaller of the critical stretches of the

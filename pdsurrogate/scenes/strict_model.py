@@ -10,7 +10,9 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    PlainSerializer,
     ValidationError,
+    WrapValidator,
     model_validator,
 )
 
@@ -38,6 +40,15 @@ NUMBER = BeforeValidator(
 Finite = Annotated[float, Field(allow_inf_nan=False), NUMBER]
 Positive = Annotated[Finite, Field(gt=0)]
 Whole = Annotated[int, NUMBER]
+ARTIFACT = "artifact"
+"""Text in the place of a number that the tests behind the artifact of a run have determined."""
+
+MEASURED = (
+    WrapValidator(lambda value, number: value if value == ARTIFACT else number(value)),
+    PlainSerializer(lambda value: value),
+)
+"""Of numbers that may be `ARTIFACT`, which a run with an artifact replaces before all else."""
+
 Point = tuple[Finite, Finite]
 """A place or a direction in the plane, for parts that lie in the plane alone."""
 
@@ -115,6 +126,17 @@ class StrictModel(BaseModel, metaclass=_PartType):
             return read(value)
         except ValidationError as error:
             raise Problems(error, cls) from None
+
+
+def left_to_artifact(part: StrictModel, key: str = "") -> list[str]:
+    """Return the keys of the numbers of a part that the tests behind an artifact determine."""
+    found = []
+    for name, value in part:
+        if isinstance(value, StrictModel):
+            found += left_to_artifact(value, f"{key}{name}.")
+        elif value == ARTIFACT:
+            found.append(f"{key}{name}")
+    return found
 
 
 def the_one(part: StrictModel, names: Iterable[str]) -> str:

@@ -22,8 +22,8 @@ MOST_RUNS = 100_000
 USUAL = ("uniform", "loguniform", "norm", "truncnorm", "lognorm", "triang", "randint")
 """Examples of distributions that the error message for an unknown distribution lists."""
 
-SEED = "body.seed"
-"""Parameter over whose values a study takes means unless it names others."""
+SEEDS = "body.seed", "fracture.strength.scatter.seed"
+"""Parameters over whose values a study takes means unless it names others."""
 
 FORCE = "force"
 """Name of the parameter, in a study of a scene, that selects the force model instead of changing
@@ -222,8 +222,8 @@ class Study(StrictModel):
         ``stretches``. They need the equilibrium once more, and a solution of linear equations each.
     mean_over : tuple of str, optional
         Parameters whose values repeat a run, such as seeds: a second table gives mean and deviation
-        of every quantity over these runs. By default ``body.seed``, if it is one of the
-        `parameters`.
+        of every quantity over these runs. By default ``body.seed`` and
+        ``fracture.strength.scatter.seed``, if they are among the `parameters`.
 
     See Also
     --------
@@ -260,7 +260,7 @@ class Study(StrictModel):
         >>> pds.Study(scene="tear", parameters={"spacing": [0.1], "body.seed": [1, 2, 3]}).repeated
         ('body.seed',)
         """
-        return self.mean_over or tuple({SEED} & set(self.parameters))
+        return self.mean_over or tuple(key for key in SEEDS if key in self.parameters)
 
     def model_post_init(self, context: Any) -> None:
         drawn = self.design in ("random", "latin-hypercube")

@@ -14,13 +14,12 @@ import time
 import numpy as np
 import pytest
 from bodies import build_body
+from commands import commanded
 from conftest import SHIPPED
 from runs import started
-from typer.testing import CliRunner
 
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.store import payload_of
-from pdsurrogate.cli import app
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
 from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.simulate import SimulationFailed, simulate
@@ -470,10 +469,7 @@ def test_scenes_that_would_fill_memory_or_write_elsewhere_are_refused(
     """
     monkeypatch.chdir(tmp_path)
     began = time.process_time()
-    done = CliRunner().invoke(
-        app, ["run", "uniaxial", "--set", change, "--out", str(tmp_path / "out")]
-    )
-    assert done.exit_code == 2, done.output
+    done = commanded("run", "uniaxial", "--set", change, "--out", tmp_path / "out", status=2)
     assert message in done.stderr
     assert "Traceback" not in done.output
     assert time.process_time() - began < 10

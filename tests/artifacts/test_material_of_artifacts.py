@@ -5,12 +5,11 @@ was.
 import tomllib
 
 import pytest
-from typer.testing import CliRunner
+from commands import commanded
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
 from pdsurrogate.artifacts.material import in_words
-from pdsurrogate.cli import app
 from pdsurrogate.materials import Branch, Memory, Softening
 from pdsurrogate.scenes import MaterialSpec, SceneError
 
@@ -115,17 +114,13 @@ def test_a_material_in_words_is_toml():
 
 def test_the_command_says_which_material_it_takes(store):
     changes = ["--set", "spacing=0.2", "--set", "stretches=1.2"]
-    done = CliRunner().invoke(
-        app,
-        [
-            "run",
-            "uniaxial",
-            *changes,
-            "--force",
-            str(store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT))),
-        ],
+    done = commanded(
+        "run",
+        "uniaxial",
+        *changes,
+        "--force",
+        store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT)),
     )
-    assert done.exit_code == 0, done.output
     assert (
         'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=200.0,'
         " chain_limit=62.82566463708167}" in done.output

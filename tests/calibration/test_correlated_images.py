@@ -6,9 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from pdsurrogate.cli import app
+from commands import commanded
 
 DATA = Path(__file__).parents[1] / "data" / "speckle"
 FILES = {"sun-dic": ("sun-dic/*.csv", "25"), "al-dic": ("al-dic*", "28")}
@@ -34,8 +32,7 @@ def test_the_law_comes_back_from_correlated_images(tmp_path, program, variant, o
     fields = [text for each in found for text in ("--fields", str(each))]
     command = ["calibrate", str(DATA / "sheet.toml"), "rubber", *fields, "--subset", subset]
     forces = ["--forces", str(DATA / "forces.csv"), "--law", "gent", "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, [*command, *forces, *options, "--json"])
-    assert done.exit_code == 0, done.output
+    commanded(*command, *forces, *options, "--json")
     report = json.loads((tmp_path / "calibration.json").read_text())
     truth = {"shear_modulus": (400.0, 0.05), "chain_limit": (15.0, 1 / 3)}
     for name, (true, widest) in truth.items():

@@ -9,16 +9,15 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from commands import commanded, invoke
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.calibration.free import EnergyUnknowns
 from pdsurrogate.calibration.measured import MeasuredScene
 from pdsurrogate.calibration.reporting import report
 from pdsurrogate.calibration.scatter import Rows
-from pdsurrogate.cli import app
 from pdsurrogate.forces.domain import Domain
 from pdsurrogate.identification import MODES, nominal_stress
 from pdsurrogate.materials.dictionary import OF_INVARIANTS, Term
@@ -327,7 +326,7 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
     ]
     files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
     with patch("pdsurrogate.cli.calibrate.Bar.event") as shown:
-        done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
+        done = invoke("calibrate", "hole", "sheet", *files, *options, "--json")
     assert done.exit_code == 0, done.output
     assert any("sum_of_squared_residuals" in call.kwargs for call in shown.call_args_list)
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
@@ -397,10 +396,7 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
         "--law",
         "gent",
     ]
-    done = CliRunner().invoke(
-        app, [*command, "--field-noise", "0.001", "--out", str(tmp_path / "out")]
-    )
-    assert done.exit_code == 0, done.output
+    commanded(*command, "--field-noise", "0.001", "--out", tmp_path / "out")
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
     assert {name: row["rows"] for name, row in found["measurements"].items()} == {
@@ -442,10 +438,9 @@ def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_pat
         "--out",
         str(tmp_path / "out"),
     ]
-    done = CliRunner().invoke(
-        app, ["calibrate", "hole", "sheet", "--forces", str(tmp_path / "G.csv"), *options]
+    done = commanded(
+        "calibrate", "hole", "sheet", "--forces", tmp_path / "G.csv", *options, status=2
     )
-    assert done.exit_code == 2
     assert re.search(message, " ".join(done.stderr.split()))
 
 
@@ -489,21 +484,18 @@ def test_probes_alone_do_not_determine_moduli():
 )
 def test_files_that_are_no_table_of_displacements_are_refused(text, message, tmp_path):
     (tmp_path / "F.csv").write_text(text)
-    done = CliRunner().invoke(
-        app,
-        [
-            "calibrate",
-            "hole",
-            "sheet",
-            "--fields",
-            str(tmp_path / "F.csv"),
-            "--law",
-            "gent",
-            "--out",
-            str(tmp_path),
-        ],
+    done = commanded(
+        "calibrate",
+        "hole",
+        "sheet",
+        "--fields",
+        tmp_path / "F.csv",
+        "--law",
+        "gent",
+        "--out",
+        tmp_path,
+        status=2,
     )
-    assert done.exit_code == 2
     assert message in " ".join(done.stderr.split())
 
 
@@ -537,7 +529,7 @@ def test_laws_of_the_users_own_are_fitted(tmp_path):
         str(tmp_path / "G.csv"),
     ]
     with patch.dict(pds.materials.LAWS):
-        done = CliRunner().invoke(app, [*command, *options])
+        done = invoke(*command, *options)
     assert done.exit_code == 0, done.output
     assert (
         json.loads((tmp_path / "out" / "calibration.json").read_text())["law"]["law"] == "own-law"
@@ -774,10 +766,9 @@ def test_an_energy_that_the_measurements_cannot_determine_is_refused(exact):
 
 @pytest.mark.parametrize("options", [[], ["--free", "--law", "gent"]])
 def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options, tmp_path):
-    done = CliRunner().invoke(
-        app, ["calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", str(tmp_path)]
+    done = commanded(
+        "calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", tmp_path, status=2
     )
-    assert done.exit_code == 2
     assert "choose one: --law LAW" in " ".join(done.stderr.split())
 
 
@@ -804,10 +795,7 @@ def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options
 def test_options_and_steps_that_make_no_sense_are_refused(options, message, tmp_path):
     (tmp_path / "G.csv").write_text("step,force\n1,1.0\n4,2.0\n")
     files = ["--forces", str(tmp_path / "G.csv"), "--set", f"stretches={STRETCHES}"]
-    done = CliRunner().invoke(
-        app, ["calibrate", "hole", "sheet", *files, *options, "--out", str(tmp_path)]
-    )
-    assert done.exit_code == 2
+    done = commanded("calibrate", "hole", "sheet", *files, *options, "--out", tmp_path, status=2)
     assert message in " ".join(done.stderr.split()).replace(str(tmp_path) + "/", "")
 
 

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import commanded, invoke
 from conftest import SHIPPED, sealed
 from numba.core.caching import _CacheLocator
 from typer.testing import CliRunner
@@ -19,13 +20,8 @@ from pdsurrogate.cli import COMMANDS, app, terminal
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 def test_run_writes_results_and_a_table(tmp_path):
-    done = invoke("run", "uniaxial", *FAST, "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.output
+    done = commanded("run", "uniaxial", *FAST, "--out", tmp_path / "out")
     assert "exact" in done.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is True
@@ -45,15 +41,13 @@ def test_run_writes_results_and_a_table(tmp_path):
     ],
 )
 def test_forces_by_every_kind_of_reference(force):
-    done = invoke("run", "uniaxial", *FAST, "--force", force)
-    assert done.exit_code == 0, done.output
+    commanded("run", "uniaxial", *FAST, "--force", force)
 
 
 def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
-    done = invoke(
+    done = commanded(
         "run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic"
     )
-    assert done.exit_code == 0, done.output
     assert "The cells measure 0.12 x 0.125 cm; the horizon is 0.378 cm" in " ".join(
         done.stdout.split()
     )
@@ -151,8 +145,7 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
 )
 def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = invoke(*arguments)
-    assert done.exit_code == 2, done.output
+    done = commanded(*arguments, status=2)
     error = done.stderr.strip()
     assert message in error
     assert len([line for line in error.splitlines() if "Compiling" not in line]) == 1
@@ -179,8 +172,7 @@ def test_ranges_that_are_mostly_compression(tmp_path):
         ["evaluate", "bond-energy", "--samples", 200],
         ["fit", "x", "--samples", 300, "--folds", 0, "--degree", 3, "--out", tmp_path],
     ):
-        done = invoke(*command, "--greatest", 1.1)
-        assert done.exit_code == 0, done.output
+        done = commanded(*command, "--greatest", 1.1)
         assert "strain 0.2 to 0.5" in done.output
 
 
@@ -199,8 +191,7 @@ def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
         "--out",
         tmp_path,
     ]
-    done = invoke("fit", "x", *options, "--least", 0.6)
-    assert done.exit_code == 0, done.output
+    done = commanded("fit", "x", *options, "--least", 0.6)
     assert "stretches 0.6 to 2.89" in " ".join(done.output.split())
 
 
@@ -210,13 +201,11 @@ def test_data_that_no_law_describes_make_no_artifact(tmp_path):
         "mode,stretch,nominal_stress\n"
         + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9))
     )
-    done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
-    assert done.exit_code == 2
+    done = commanded("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a", status=2)
     words = " ".join(done.stderr.split())
     assert "all stresses are against their strains, which are of tension" in words
     data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
-    done = invoke("identify", data, "--law", "gent")
-    assert done.exit_code == 2
+    done = commanded("identify", data, "--law", "gent", status=2)
     assert "the stresses of mode uniaxial are all zero" in done.stderr
 
 
@@ -302,8 +291,7 @@ def test_what_is_turned_shows_its_moments():
 def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    done = invoke("run", "uniaxial", *FAST, "--out", blocked / "out")
-    assert done.exit_code == 2
+    done = commanded("run", "uniaxial", *FAST, "--out", blocked / "out", status=2)
     assert "ns per directed bond" not in done.output
 
 
@@ -313,16 +301,15 @@ def test_a_folder_belongs_to_one_scene(tmp_path):
     """
     command = ["run", "uniaxial", *FAST, "--force", "analytic", "--out", tmp_path]
     for _ in range(2):
-        assert invoke(*command).exit_code == 0
+        commanded(*command)
     other = ["run", "gent", *FAST, "--force", "analytic", "--out", tmp_path]
-    done = invoke(*other)
-    assert done.exit_code == 2
+    done = commanded(*other, status=2)
     assert (
         "contains the results of another run of uniaxial (name is uniaxial there and gent here"
         in done.stderr
     )
     assert "ns per directed bond" not in done.output
-    assert invoke(*other, "--overwrite").exit_code == 0
+    commanded(*other, "--overwrite")
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         *(
             "checkpoint.npz",
@@ -340,8 +327,9 @@ def test_unlike_cross_sections_are_told(tmp_path):
     """An L reported the force over the width of its bounding box as its stress, without a word."""
     grips = "grips=[{edge='bottom'},{edge='top',travel=1.0}]"
     body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
-    done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
-    assert done.exit_code == 0, done.output
+    done = commanded(
+        "run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips
+    )
     assert "force of the top grip divided by its cross-section of 1 cm" in " ".join(
         done.output.split()
     )
@@ -349,7 +337,7 @@ def test_unlike_cross_sections_are_told(tmp_path):
 
 
 def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
-    done = invoke(
+    done = commanded(
         "run",
         "uniaxial",
         "--set",
@@ -358,8 +346,8 @@ def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
         "solver.most_evaluations=5",
         "--out",
         tmp_path / "out",
+        status=1,
     )
-    assert done.exit_code == 1
     assert "the run failed: stretch" in done.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False
@@ -368,7 +356,7 @@ def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
 
 def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fitted = invoke(
+    fitted = commanded(
         "fit",
         "mine",
         "--samples",
@@ -382,18 +370,15 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
         "--greatest",
         2,
     )
-    assert fitted.exit_code == 0, fitted.output
     assert "Fold 1" in fitted.output
-    again = invoke("fit", "mine", "--version", 1, "--samples", 1500)
-    assert again.exit_code == 2
+    again = commanded("fit", "mine", "--version", 1, "--samples", 1500, status=2)
     assert "already exists" in again.stderr
-    report = invoke("evaluate", "mine", "--samples", 500, "--json")
-    assert report.exit_code == 0
+    report = commanded("evaluate", "mine", "--samples", 500, "--json")
     assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
     assert "least slope" in invoke("evaluate", "mine@1", "--samples", 500).output
     assert "mine@1" in invoke("artifacts").output
     assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
-    assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
+    commanded("run", "uniaxial", *FAST, "--force", "mine")
 
 
 def test_materials_are_listed_with_their_parameters():
@@ -418,7 +403,7 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
         for stretch in (1.2, 1.6, 2.0, 2.5, 3.0)
     ]
     data.write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
-    found = invoke(
+    commanded(
         "identify",
         data,
         "--law",
@@ -432,18 +417,24 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
         "--out",
         tmp_path / "found",
     )
-    assert found.exit_code == 0, found.output
     laws = json.loads((tmp_path / "found" / "identify.json").read_text())["laws"]
     assert laws[0]["rows"] == 4
     assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
     assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
     # A report is not replaced unasked.
-    other = invoke(
-        "identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found"
+    other = commanded(
+        "identify",
+        data,
+        "--law",
+        "gent",
+        "--bulk-ratio",
+        1e6,
+        "--out",
+        tmp_path / "found",
+        status=2,
     )
-    assert other.exit_code == 2
     assert "identify.json exists: use another folder, or --overwrite" in other.stderr
-    fitted = invoke(
+    commanded(
         "fit",
         "measured",
         "--data",
@@ -457,7 +448,6 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
         "--folds",
         2,
     )
-    assert fitted.exit_code == 0, fitted.output
     card = json.loads(invoke("artifacts", "measured").stdout)
     assert card["training"]["identification"]["parameters"]["shear_modulus"] == pytest.approx(
         0.4, rel=1e-3
@@ -469,7 +459,7 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     changes = [
         item for change in ("material=mooney-rivlin", *parameters) for item in ("--set", change)
     ]
-    assert invoke("run", "uniaxial", *FAST, *changes, "--force", "measured").exit_code == 0
+    commanded("run", "uniaxial", *FAST, *changes, "--force", "measured")
 
 
 def test_bad_identifications_exit_with_2(tmp_path):
@@ -491,8 +481,7 @@ def test_bad_identifications_exit_with_2(tmp_path):
         (["identify", "treloar", "--law", "gent", "--terms", "2"], "--terms"),
         (["scenes", "uniaxial", "--out", tmp_path], "--plot"),
     ):
-        done = invoke(*arguments)
-        assert done.exit_code == 2, done.output
+        done = commanded(*arguments, status=2)
         assert message in done.stderr
 
 
@@ -506,7 +495,7 @@ def test_lists():
 
 def test_a_second_run_compiles_nothing(tmp_path):
     """In a cache that lacks one kernel of NOSB: to compile all takes ten seconds."""
-    assert invoke("run", "uniaxial", "--force", "nosb", *FAST).exit_code == 0
+    commanded("run", "uniaxial", "--force", "nosb", *FAST)
     for path in Path(pds.__file__).parent.glob("*/__pycache__/*.nb?"):
         if not path.name.startswith("nosb_forces"):
             place = (
@@ -565,7 +554,7 @@ def test_an_identification_that_failed_says_so(tmp_path):
 
 
 def test_a_surrogate_of_no_use_is_not_written(tmp_path):
-    result = invoke(
+    result = commanded(
         "fit",
         "poor",
         "--law",
@@ -578,12 +567,11 @@ def test_a_surrogate_of_no_use_is_not_written(tmp_path):
         "0",
         "--out",
         tmp_path,
+        status=1,
     )
-    assert result.exit_code == 1
     assert "poor@1 has an RMS error of" in result.output
     assert not (tmp_path / "poor").exists()
-    result = invoke("fit", "analytic", "--out", tmp_path)
-    assert result.exit_code == 2
+    result = commanded("fit", "analytic", "--out", tmp_path, status=2)
     assert "'analytic' is not allowed" in result.output
 
 
@@ -611,10 +599,9 @@ def test_contact_with_obstacles_is_printed_with_its_area_and_penetration(tmp_pat
         half_plane = {point = [0.0, 1.0], normal = [0.0, 1.0]}
         x2 = -0.1
     """)
-    done = invoke(
+    done = commanded(
         "run", tmp_path / "pressed.toml", "--force", "bond-energy", "--out", tmp_path / "out"
     )
-    assert done.exit_code == 0, done.output
     contact = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"][0]["contact"][
         "plate"
     ]

@@ -13,6 +13,7 @@ import warnings
 
 import pytest
 import typer
+from commands import commanded, invoke
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -41,20 +42,19 @@ from pdsurrogate.run.run import Oversubscribed
 )
 def test_errors_are_json_where_json_is_asked_for(command, status, error):
     """Standard output was empty, and a program that read it had to guess."""
-    done = CliRunner().invoke(app, [*command, "--json"])
+    done = invoke(*command, "--json")
     assert done.exit_code == status
     told = json.loads(done.stdout)
     assert told["exit_status"] == status
     assert error in told["error"]
     assert done.stderr
-    assert CliRunner().invoke(app, command).stdout == ""
+    assert invoke(*command).stdout == ""
 
 
 def test_a_run_that_fails_says_so_in_its_summary_alone():
-    done = CliRunner().invoke(
-        app, ["run", "uniaxial", *FAST, "--set", "solver.most_evaluations=1", "--json"]
+    done = commanded(
+        "run", "uniaxial", *FAST, "--set", "solver.most_evaluations=1", "--json", status=1
     )
-    assert done.exit_code == 1
     assert json.loads(done.stdout)["status"] == "failed"
 
 
@@ -89,10 +89,6 @@ class Doubled(InvariantLaw):
         zero = 0 * I1
         return 0.5 * (I1 - 3), zero + 0.5, zero, zero, zero, zero
 '''
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
@@ -175,8 +171,7 @@ def test_a_command_ends_without_a_search_for_unused_objects():
 
 
 def test_json_is_all_that_is_printed_for_programs(tmp_path):
-    run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
-    assert run.exit_code == 0, run.output
+    run = commanded("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
     assert json.loads(run.stdout) == json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {law["law"] for law in json.loads(invoke("materials", "--json").stdout)} == set(LAWS)
     assert {scene["name"] for scene in json.loads(invoke("scenes", "--json").stdout)} == set(
@@ -260,12 +255,9 @@ def test_a_log_gets_a_line_of_progress_with_the_time_left_every_half_a_minute(mo
 def test_laws_of_the_users_own(own_law):
     options = ["--import", own_law]
     assert "doubled" in invoke("materials", *options).stdout
-    done = invoke(
-        "run", "uniaxial", *FAST, "--set", "material=doubled", "--force", "nosb", *options
-    )
-    assert done.exit_code == 0, done.output
+    commanded("run", "uniaxial", *FAST, "--set", "material=doubled", "--force", "nosb", *options)
     # Given again, it is the same law.
-    assert invoke("materials", *options).exit_code == 0
+    commanded("materials", *options)
 
 
 @pytest.mark.parametrize(
@@ -294,17 +286,15 @@ def test_modules_without_laws_are_told_in_one_line(tmp_path, content, message):
 
 def test_a_scene_to_start_from(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert invoke("new", "my_scene.toml").exit_code == 0
+    commanded("new", "my_scene.toml")
     scene = pds.load_scene("my_scene.toml")
     assert scene.name == "my_scene"
     assert (tmp_path / "my_scene.toml").read_text().count("#") > 15
-    done = invoke(
+    commanded(
         "run", "my_scene.toml", "--set", "spacing=0.2", "--set", "steps=0.2", "--set", "probes=[]"
     )
-    assert done.exit_code == 0, done.output
     for name, message in (("my_scene.toml", "choose another name"), ("my_scene", "ends in .toml")):
-        again = invoke("new", name)
-        assert again.exit_code == 2
+        again = commanded("new", name, status=2)
         assert message in again.stderr
 
 
@@ -318,8 +308,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
         ):
             pass
     assert most_threads() == all_of_them
-    done = invoke("run", "uniaxial", "--threads", 10_000)
-    assert done.exit_code == 2
+    done = commanded("run", "uniaxial", "--threads", 10_000, status=2)
     assert "threads must be between" in done.stderr
 
 

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import commanded, invoke
 from PIL import Image
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import IdentificationEntries
 from pdsurrogate.artifacts.material import material_on
 from pdsurrogate.calibration.field_files import FieldFacts
 from pdsurrogate.calibration.measurement_files import measurements
-from pdsurrogate.cli import app
 from pdsurrogate.measurements import read_fields
 from pdsurrogate.results.measured import field_figure
 
@@ -36,22 +35,23 @@ MISSING = {
     "stretch-stress.csv": [*MODE, "--unit", "stress=MPa"],
     "lambda-P.csv": MODE,
     "stress-first.txt": [
-        *MODE, "--column", "nominal-stress=1", "--column", "stretch=2", "--unit", "stress=MPa",
+        *MODE,
+        "--column",
+        "nominal-stress=1",
+        "--column",
+        "stretch=2",
+        "--unit",
+        "stress=MPa",
     ],
     "specimens-side-by-side.csv": MODE,
     "abaqus-test-data.inp": ["--unit", "stress=MPa"],
     "workbook.xlsx": [],
-}  # fmt: skip
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+}
 
 
 def gent_of(*arguments):
     """Shear modulus and chain limit that a command finds in files of machines."""
-    done = invoke("identify", *arguments, "--law", "gent", "--json")
-    assert done.exit_code == 0, done.output
+    done = commanded("identify", *arguments, "--law", "gent", "--json")
     report = json.loads(done.stdout)["laws"][0]
     return report["parameters"]["shear_modulus"], report["parameters"]["chain_limit"]
 
@@ -69,21 +69,18 @@ def test_every_file_is_described():
     assert set(MISSING) == set(TRUTH)
     for name, options in MISSING.items():
         if not name.endswith("xlsx"):
-            done = invoke("data", MACHINES / name, *options)
-            assert done.exit_code == 0, done.output
+            done = commanded("data", MACHINES / name, *options)
             assert "Tests: stretch and nominal stress" in done.stdout
             assert "missing" not in done.stderr
 
 
 def test_a_file_is_described_and_completed_to_a_table(tmp_path):
     file, table = MACHINES / "cycle-in-kN.csv", tmp_path / "tests.csv"
-    open_ = invoke("data", file)
-    assert open_.exit_code == 0
+    open_ = commanded("data", file)
     assert "--gauge-length" in open_.stderr
     assert "Displacement  extension  0 to 50" in open_.stdout
     picture = tmp_path / "cycle.png"
-    done = invoke("data", file, *GEOMETRY, "--plot", picture, "--out", table)
-    assert done.exit_code == 0, done.output
+    done = commanded("data", file, *GEOMETRY, "--plot", picture, "--out", table)
     assert "loading 41" in done.stdout
     assert "missing" not in done.stderr
     heading = [line for line in table.read_text().splitlines() if line.startswith("#")]
@@ -102,17 +99,16 @@ def test_a_file_is_described_and_completed_to_a_table(tmp_path):
     for name in ("mode", "stretches", "nominal_stress", "weight"):
         assert getattr(again, name).tolist() == getattr(read, name).tolist()
     # The table may be written again; another file is not replaced.
-    assert invoke("data", file, *GEOMETRY, "--out", table).exit_code == 0
+    commanded("data", file, *GEOMETRY, "--out", table)
     table.write_text("my notes\n")
-    refused = invoke("data", file, *GEOMETRY, "--out", table)
-    assert refused.exit_code == 2
+    refused = commanded("data", file, *GEOMETRY, "--out", table, status=2)
     assert "use another name" in refused.stderr
     assert table.read_text() == "my notes\n"
 
 
 def test_scatter_of_specimens_and_two_stretches_are_written_too(tmp_path):
     both, table = MACHINES / "specimens-side-by-side.csv", tmp_path / "tests.csv"
-    assert invoke("data", both, *MODE, "--out", table).exit_code == 0
+    commanded("data", both, *MODE, "--out", table)
     with pytest.warns(pds.identification.TestDataWarning):
         read = pds.load_test_data(both, mode="uniaxial")
     again = pds.load_test_data(table)
@@ -123,10 +119,9 @@ def test_scatter_of_specimens_and_two_stretches_are_written_too(tmp_path):
     grid.write_text(
         "stretch,lateral_stretch,nominal_stress,lateral_stress\n1.5,1.2,0.8,0.5\n2,1,1.2,0.4\n"
     )
-    assert invoke("data", grid, "--out", table).exit_code == 0
+    commanded("data", grid, "--out", table)
     assert pds.load_test_data(table).stretches.tolist() == [[1.5, 1.2], [1.2, 1.5], [2, 1], [1, 2]]
-    refused = invoke("data", grid, f"{both}:uniaxial", "--unit", "stress=MPa", "--out", table)
-    assert refused.exit_code == 2
+    commanded("data", grid, f"{both}:uniaxial", "--unit", "stress=MPa", "--out", table, status=2)
 
 
 def test_json_says_what_the_tables_say():
@@ -161,8 +156,7 @@ def test_several_files_and_a_campaign_are_one_data_set(tmp_path):
         ([uniaxial, f"{shear}:pure-shear", *MODE], 0.5),  # what a file's own suffix says counts
         ([campaign], 500.0),
     ):
-        done = invoke("identify", *given, "--law", "neo-hookean", "--bulk-ratio", 1e6, "--json")
-        assert done.exit_code == 0, done.output
+        done = commanded("identify", *given, "--law", "neo-hookean", "--bulk-ratio", 1e6, "--json")
         report = json.loads(done.stdout)["laws"][0]
         assert set(report["r_squared"]) == {"uniaxial", "pure-shear"}
         assert report["parameters"]["shear_modulus"] == pytest.approx(expected, rel=1e-4)
@@ -191,8 +185,7 @@ def test_what_is_wrong_is_said_with_the_remedy(arguments, message, tmp_path, mon
     (tmp_path / "tests.toml").write_text('[[test]]\nfile = "bluehill-raw.csv"\n')
     (tmp_path / "wrong.toml").write_text('[[test]]\nfile = "a.csv"\nguage_length = "25 mm"\n')
     (tmp_path / "none.toml").write_text('mode = "uniaxial"\n')
-    done = invoke("identify", *arguments, "--law", "gent")
-    assert done.exit_code == 2
+    done = commanded("identify", *arguments, "--law", "gent", status=2)
     assert message in " ".join(done.stderr.split())
 
 
@@ -209,8 +202,7 @@ def test_the_state_at_break_is_printed_and_stored(tmp_path):
         files[-1].write_text(
             "Stretch,Nominal stress (MPa)\n" + "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
         )
-    found = invoke("identify", *files, *MODE, "--law", "neo-hookean")
-    assert found.exit_code == 0, found.output
+    found = commanded("identify", *files, *MODE, "--law", "neo-hookean")
     assert "2.2 ± 0.2" in found.stdout
     done = invoke("identify", *files, *MODE, "--law", "neo-hookean", "--json")
     report = json.loads(done.stdout)["laws"][0]
@@ -232,11 +224,20 @@ def test_a_card_has_the_unit_and_the_break_of_its_tests(tmp_path):
     file.write_text(
         "Stretch,Nominal stress (MPa)\n" + "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
     )
-    done = invoke(
-        "fit", "torn", "--data", f"{file}:uniaxial",
-        "--degree", "2,2", "--samples", 200, "--folds", 0, "--out", tmp_path / "artifacts",
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
+    commanded(
+        "fit",
+        "torn",
+        "--data",
+        f"{file}:uniaxial",
+        "--degree",
+        "2,2",
+        "--samples",
+        200,
+        "--folds",
+        0,
+        "--out",
+        tmp_path / "artifacts",
+    )
     card = pds.load_card(tmp_path / "artifacts" / "torn" / "1")
     broken = card.training["identification"]["at_break"]["uniaxial"]
     assert broken["specimens"] == 1
@@ -298,8 +299,7 @@ def test_fields_and_meshes_are_described_and_drawn(tmp_path):
         "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n5,2,0\n6,2,1\n*ELEMENT,TYPE=CPS4,ELSET=SOFT\n"
         "1,1,2,3,4\n*ELEMENT,TYPE=CPS4,ELSET=STIFF\n2,2,5,6,3\n"
     )
-    done = invoke("data", field, mesh, "--plot", tmp_path / "drawn", "--json")
-    assert done.exit_code == 0, done.output
+    done = commanded("data", field, mesh, "--plot", tmp_path / "drawn", "--json")
     first, second = json.loads(done.stdout)
     assert {first["kind"], second["kind"]} == {"field", "mesh"}
     seen = {one["kind"]: one for one in (first, second)}

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from meshes import write_triangles
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import discretize
@@ -124,20 +125,8 @@ def test_pieces_that_nearly_touch_are_not_joined():
 def test_pieces_touch_in_clouds_and_meshes(arrangement, tmp_path):
     body = {**STRIP, "arrangement": "relaxed"}
     if arrangement == "mesh":
-        pytest.importorskip("meshio")
-        import meshio
-
-        x, y = np.meshgrid(np.linspace(0, 3, 31), np.linspace(0, 2, 21), indexing="ij")
-        number = np.arange(x.size).reshape(x.shape)
-        quads = np.stack(
-            [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1
-        ).reshape(-1, 4)
-        meshio.write_points_cells(
-            tmp_path / "strip.vtu",
-            np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1),
-            [("quad", quads)],
-        )
-        body = {"shape": "mesh", "file": str(tmp_path / "strip.vtu")}
+        file = write_triangles(tmp_path / "strip.vtu", 7, (3.0, 2.0))
+        body = {"shape": "mesh", "file": str(file)}
     assert cut_bonds(line((0, 1), (1.5, 1), (2.4, 1)), body=body) == cut_bonds(
         line((0, 1), (2.4, 1)), body=body
     )
@@ -404,23 +393,22 @@ def test_tension_along_a_cut_is_homogeneous(case):
         ]
         loads.append({"region": "left", "traction": [-0.5, 0.0]})
     body = {"shape": "rectangle", "size": [2.0, 1.0], "arrangement": arrangement}
-    fields = {
-        "name": "tension",
-        "spacing": 0.1,
-        "plane": "strain",
-        "material": RUBBER,
-        "prescribed": held,
-        "loads": loads,
-        "steps": [1.0],
-    }
-    result = pds.simulate(pds.Scene(**fields, body=body, precuts=cuts), "bond-energy")
-    found = result.field("displacement")[:, :2]
+    fields = {"plane": "strain", "prescribed": held, "loads": loads, "body": body}
+    assert_homogeneous(cuts, 45, **fields)
+
+
+def assert_homogeneous(cuts, evaluations, **fields):
+    """A body with cuts is in uniaxial tension under a traction of 0.5, found in few evaluations."""
+    more = {"name": "tension", "spacing": 0.1, "material": RUBBER, "steps": [1.0]}
+    result = pds.simulate(pds.Scene(**fields, **more, precuts=cuts), "bond-energy")
+    found = result.field("displacement")[:, : result.body.dimension]
     basis = np.column_stack([result.body.points, np.ones(len(result.body))])
     fit = np.linalg.lstsq(basis, found, rcond=None)[0]
     np.testing.assert_allclose(found, basis @ fit, atol=1e-6)
-    uniaxial = pds.materials.homogeneous.uniaxial(result.scene.law(), 1 + fit[0, 0], plane="strain")
+    scene = result.scene
+    uniaxial = pds.materials.homogeneous.uniaxial(scene.law(), 1 + fit[0, 0], plane=scene.plane)
     assert uniaxial.nominal_stress == pytest.approx(0.5, rel=1e-5)
-    assert result.levels[-1]["evaluations"] < 45
+    assert result.levels[-1]["evaluations"] < evaluations
 
 
 IN_SPACE = {
@@ -442,29 +430,9 @@ def test_tension_along_a_cut_in_a_solid_is_homogeneous(case):
         {"region": "bottom", "x2": 0.0},
         {"region": "back", "x3": 0.0},
     ]
-    loads, body = (
-        [{"region": "right", "traction": [0.5, 0.0, 0.0]}],
-        {
-            **BLOCK,
-            "arrangement": arrangement,
-        },
-    )
-    fields = {
-        "name": "tension",
-        "spacing": 0.1,
-        "material": RUBBER,
-        "prescribed": held,
-        "loads": loads,
-        "steps": [1.0],
-    }
-    result = pds.simulate(pds.Scene(**fields, body=body, precuts=cuts), "bond-energy")
-    found = result.field("displacement")
-    basis = np.column_stack([result.body.points, np.ones(len(result.body))])
-    fit = np.linalg.lstsq(basis, found, rcond=None)[0]
-    np.testing.assert_allclose(found, basis @ fit, atol=1e-6)
-    uniaxial = pds.materials.homogeneous.uniaxial(result.scene.law(), 1 + fit[0, 0])
-    assert uniaxial.nominal_stress == pytest.approx(0.5, rel=1e-5)
-    assert result.levels[-1]["evaluations"] < 70
+    loads = [{"region": "right", "traction": [0.5, 0.0, 0.0]}]
+    body = {**BLOCK, "arrangement": arrangement}
+    assert_homogeneous(cuts, 70, prescribed=held, loads=loads, body=body)
 
 
 @pytest.mark.parametrize(

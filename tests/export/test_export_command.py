@@ -6,18 +6,17 @@ import json
 import os
 
 import pytest
-from typer.testing import CliRunner
+from commands import invoke
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import store
-from pdsurrogate.cli import app
 from pdsurrogate.export import TARGETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results import files
 
 
 def export(*words):
-    return CliRunner().invoke(app, ["export", *map(str, words)])
+    return invoke("export", *words)
 
 
 @pytest.mark.parametrize("target", TARGETS)

@@ -7,12 +7,11 @@ import warnings
 import numpy as np
 import pytest
 from bodies import rotation, sheet
+from commands import commanded
 from conftest import SHIPPED
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
-from pdsurrogate.cli import app
 from pdsurrogate.forces import (
     AnalyticBondForce,
     BANOSBForce,
@@ -204,20 +203,9 @@ def test_warn_warns_once_and_counts():
 
 
 def test_warnings_on_the_command_line():
-    done = CliRunner().invoke(
-        app,
-        [
-            "run",
-            "uniaxial",
-            "--set",
-            "spacing=0.1",
-            "--set",
-            "stretches=4.5",
-            "--set",
-            "outside=warn",
-        ],
+    done = commanded(
+        "run", "uniaxial", "--set", "spacing=0.1", "--set", "stretches=4.5", "--set", "outside=warn"
     )
-    assert done.exit_code == 0, done.output
     warned = [
         line
         for line in done.stderr.splitlines()

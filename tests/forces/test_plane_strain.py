@@ -153,18 +153,12 @@ BODIES = {
 
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_selective_forces_are_the_gradient_of_the_energy(name, random):
-    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum,
-    and no moment, of a free body.
-    """
+    """Along random directions and at single points of every kind, to 1e-7 of the force."""
     body = BODIES[name]()
     force = bound(EXACT["bond-energy"], body)
     y = body.points + (0.03 if len(body.ghosts) else 0.5) * (wavy(body.points) - body.points)
     targets = body.points.min(axis=0), body.points.max(axis=0), [0.6, 0.5], [0.05, 0.5]
-    out = assert_slope(force, y, directions_of(random, body, 2, targets))
-    if not len(body.ghosts):
-        size = np.abs(out).sum()
-        assert np.abs(out.sum(axis=0)).max() < 1e-12 * size
-        assert abs((y[:, 0] * out[:, 1] - y[:, 1] * out[:, 0]).sum()) < 1e-12 * size
+    assert_slope(force, y, directions_of(random, body, 2, targets))
 
 
 @pytest.mark.parametrize("stretch", [0.8, 1.5])

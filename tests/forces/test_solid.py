@@ -210,18 +210,12 @@ CONTINUED = {
 
 @pytest.mark.parametrize("name", [*BODIES, *CONTINUED])
 def test_forces_are_the_gradient_of_the_energy(name, random):
-    """Along random directions and at single points of every kind, to 1e-7 of the force; no sum,
-    and no moment, of a free body.
-    """
+    """Along random directions and at single points of every kind, to 1e-7 of the force."""
     body = (BODIES | CONTINUED)[name]()
     y = body.points + (0.1 if len(body.ghosts) else 1.0) * (wavy(body.points, 0.02) - body.points)
     targets = [getattr(body.points, name)(axis=0) for name in ("min", "max", "mean")]
     directions = directions_of(random, body, 1, targets)
-    out = check_slope(bound("bond-energy", body), y, directions)
-    if not len(body.ghosts):
-        size = np.abs(out).sum()
-        assert np.abs(out.sum(axis=0)).max() < 1e-12 * size
-        assert np.abs(np.cross(y, out).sum(axis=0)).max() < 1e-12 * size
+    check_slope(bound("bond-energy", body), y, directions)
 
 
 def stiffness(force, y):

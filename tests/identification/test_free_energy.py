@@ -10,6 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from any_input import AnyInput
+from commands import commanded
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import pdsurrogate as pds
@@ -356,9 +357,6 @@ def test_two_commands_from_data_to_a_run(tmp_path):
     """The energy of Kawabata's rubber in a scene that says nothing of it, its modulus in the
     scene's unit.
     """
-    from typer.testing import CliRunner
-
-    from pdsurrogate.cli import app
 
     folder = tmp_path / "artifacts"
     fit = [
@@ -374,8 +372,7 @@ def test_two_commands_from_data_to_a_run(tmp_path):
         "--out",
         str(folder),
     ]
-    done = CliRunner().invoke(app, fit)
-    assert done.exit_code == 0, done.output
+    done = commanded(*fit)
     card = pds.load_card(folder / "mine")
     assert card.domain.least_stretch == 0.52
     assert card.domain.greatest_stretch == 3.7
@@ -390,11 +387,9 @@ def test_two_commands_from_data_to_a_run(tmp_path):
         "--force",
         str(folder / "mine"),
     ]
-    done = CliRunner().invoke(app, run)
-    assert done.exit_code == 0, done.output
+    done = commanded(*run)
     assert 'Material of mine@1: {law="polyconvex", shear_modulus=' in done.output  # kPa
-    refused = CliRunner().invoke(app, ["fit", "mine", "--free", "--out", str(folder)])
-    assert refused.exit_code == 2
+    commanded("fit", "mine", "--free", "--out", folder, status=2)
 
 
 def test_one_mode_or_state_is_told():

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import commanded, invoke
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.material import with_material
-from pdsurrogate.cli import app
 from pdsurrogate.errors import OutsideDomainWarning
 from pdsurrogate.identification import (
     HistoryRegressor,
@@ -262,14 +261,9 @@ def test_a_start_may_leave_out_terms_of_a_law():
     assert np.abs(found.predict(X) - y).max() < 0.05 * np.abs(y).max()
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(file):
     told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--branches"]
-    done = invoke("identify", *told, "auto", "--json")
-    assert done.exit_code == 0, done.output
+    done = commanded("identify", *told, "auto", "--json")
     found = json.loads(done.stdout)["laws"][0]
     assert [one["time"] for one in found["law"]["branches"]] == pytest.approx([2, 40], rel=0.1)
     assert found["rates"] == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
@@ -288,8 +282,7 @@ def test_the_command_fits_softening_without_times(tmp_path):
     X, y = (one[:80] for one in cycles(law, 0.003, path=[1, 2, 1.1, 2, 1.2], rates=(1.0,)))
     file = table(tmp_path / "a.csv", "stretch,nominal stress (MPa)", (X[:, 0], y))
     told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--softening", "--json"]
-    done = invoke("identify", *told)
-    assert done.exit_code == 0, done.output
+    done = commanded("identify", *told)
     found = json.loads(done.stdout)["laws"][0]
     assert found["form"] == "neo-hookean with softening"
     assert found["law"]["softening"]["r"] == pytest.approx(3.0, rel=0.05)
@@ -301,8 +294,7 @@ def test_the_command_fits_softening_without_times(tmp_path):
 @pytest.mark.slow
 def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
     told = ["--mode", "uniaxial", "--branches", "2", "--samples", "2000", "--out", tmp_path]
-    done = invoke("fit", "relaxing", "--data", file, *told)
-    assert done.exit_code == 0, done.output
+    commanded("fit", "relaxing", "--data", file, *told)
     scene = pds.load_scene("uniaxial", {"plane": "strain", "reference": None})
     minutes = scene.model_copy(update={"units": scene.units.model_copy(update={"time": "min"})})
     for given, minute in ((scene, 1), (minutes, 60)):

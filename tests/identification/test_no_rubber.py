@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import commanded
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, nominal_stress
 from pdsurrogate.identification.examination import suspicions
 
@@ -119,8 +118,7 @@ def written(data, folder):
 
 
 def test_commands_take_the_loading_branch(cycle, tmp_path):
-    done = CliRunner().invoke(app, ["identify", str(written(cycle, tmp_path)), "--law", "gent"])
-    assert done.exit_code == 0, done.output
+    done = commanded("identify", written(cycle, tmp_path), "--law", "gent")
     assert "20 of 39 rows are taken (the first loading)" in " ".join(done.stderr.split())
     assert "20 rows" in " ".join(done.output.split())
 

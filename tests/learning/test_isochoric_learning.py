@@ -5,12 +5,11 @@ its domain, and bodies.
 import numpy as np
 import pytest
 from bodies import sheet
+from commands import commanded
 from conftest import SHIPPED
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
-from pdsurrogate.cli import app
 from pdsurrogate.forces import (
     Domain,
     ForceSettings,
@@ -287,17 +286,13 @@ def test_fitted_from_the_command_line(tmp_path):
         "--folds",
         "2",
     ]
-    outcome = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
-    assert outcome.exit_code == 0, outcome.output
+    outcome = commanded(*arguments, "--out", tmp_path)
     assert "State at rest, and stiffness" in outcome.output
     assert "shear modulus at rest" in outcome.output
     card = pds.load_card(tmp_path / "mine")
     assert card.kind == "isochoric-network"
     assert len(card.training["cross_validation"]) == 2
-    outcome = CliRunner().invoke(
-        app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)]
-    )
-    assert outcome.exit_code == 2
+    outcome = commanded("fit", "other", "--energy", "--degree", "4", "--out", tmp_path, status=2)
     assert "degree applies to bond forces only" in outcome.output
 
 

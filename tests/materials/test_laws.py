@@ -254,19 +254,6 @@ def test_ogden_of_a_scene_takes_lists():
     assert pds.materials.Ogden().shape == pytest.approx(law.shape)
 
 
-@pytest.mark.parametrize("name", ["gent", "ogden", "full-network"])
-def test_shipped_surrogates(name):
-    law = LAWS[name]()
-    card = pds.load_card(name)
-    assert max(card.errors["box"][key]["rms"] for key in ("on_surface", "off_surface")) < 5e-4
-    scene = pds.load_scene(
-        "uniaxial", {"spacing": 0.1, "stretches": [2.0]}, material=law.describe()
-    )
-    level = pds.simulate(scene, name).levels[0]
-    assert abs(level["nominal_stress_error"]) < 5e-3
-    assert abs(level["lateral_displacement_error"]) < 5e-3
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize(
     "law",

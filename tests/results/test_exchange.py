@@ -4,10 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import invoke
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.cli.exchange import write_machine
 from pdsurrogate.measurements import read_fields, read_tables
 from pdsurrogate.scenes import Units
@@ -24,7 +23,7 @@ def block(tmp_path_factory):
 
 
 def show(folder, *arguments):
-    return CliRunner().invoke(app, ["show", str(folder), *map(str, arguments)])
+    return invoke("show", folder, *arguments)
 
 
 def test_fields_lie_on_the_pixels_of_an_image(folder, tmp_path):

@@ -8,11 +8,10 @@ import meshio
 import numpy as np
 import pytest
 from bodies import rotation, sheet
+from commands import commanded
 from matplotlib import image
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
 from pdsurrogate.results import measures, vtk
 from pdsurrogate.results.states import deformed_cells
@@ -199,10 +198,7 @@ def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
         [[steps]]
         to = 1.0
         """)
-    ended = CliRunner().invoke(
-        app, ["run", str(tmp_path / "pulled.toml"), "--out", str(tmp_path / "out")]
-    )
-    assert ended.exit_code == 0, ended.output
+    ended = commanded("run", tmp_path / "pulled.toml", "--out", tmp_path / "out")
     assert re.search(r"\nmiddle +1( +\S+){3}\n", ended.output)
     header = (tmp_path / "out" / "history.csv").read_text().splitlines()[0]
     assert {"force_right_3", "moment_right_3", "middle_displacement_3"} <= {

@@ -10,13 +10,12 @@ import time
 
 import numpy as np
 import pytest
+from commands import commanded, invoke
 from conftest import SHIPPED
 from stopping import interrupt
-from typer.testing import CliRunner
 
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
-from pdsurrogate.cli import app
 from pdsurrogate.cli.simulation import how_to_resume
 from pdsurrogate.progress import listening
 from pdsurrogate.results import files
@@ -94,7 +93,7 @@ def assert_one_clear_line(done, *words) -> None:
 
 def test_a_full_disk_is_reported_by_run(tmp_path, monkeypatch):
     full_disk(monkeypatch)
-    done = CliRunner().invoke(app, ["run", "uniaxial", *FAST, "--out", str(tmp_path / "out")])
+    done = invoke("run", "uniaxial", *FAST, "--out", tmp_path / "out")
     assert_one_clear_line(done, "could not write", "No space left")
     assert not (tmp_path / "out" / "summary.json").exists()
 
@@ -104,9 +103,7 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("joblib.dump", fail)
-    done = CliRunner().invoke(
-        app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")]
-    )
+    done = invoke("fit", "mine", "--samples", "300", "--degree", "4", "--out", tmp_path / "a")
     assert_one_clear_line(done, "could not write", "No space left")
     assert not list((tmp_path / "a").iterdir())
 
@@ -225,8 +222,7 @@ def test_ctrl_c_on_the_command_line(tmp_path):
     assert "--resume" in error
     assert "Traceback" not in error + output
     assert json.loads((tmp_path / "summary.json").read_text())["failure"].endswith("interrupted")
-    other = CliRunner().invoke(app, [*command[3:], "--resume"])
-    assert other.exit_code == 2
+    other = commanded(*command[3:], "--resume", status=2)
     assert "belongs to another run" in other.stderr
 
 
@@ -235,12 +231,3 @@ def test_nothing_to_resume_is_said_too(tmp_path):
     assert "not yet written a checkpoint" in how_to_resume(tmp_path)
     (tmp_path / "checkpoint.npz").touch()
     assert "--resume" in how_to_resume(tmp_path)
-
-
-def test_a_disk_that_fills_during_a_run_is_reported(tmp_path, monkeypatch):
-    full_disk(monkeypatch)
-    changes = [word for change in TEAR for word in ("--set", change)]
-    done = CliRunner().invoke(
-        app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)]
-    )
-    assert_one_clear_line(done, "could not write", "No space left")

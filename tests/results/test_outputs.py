@@ -274,6 +274,7 @@ OF_TORN_MATERIALS = (
     "materials.critical_stretch",
     "interfaces.between",
     "interfaces.critical_stretch",
+    "strength",
 )
 
 
@@ -284,7 +285,7 @@ def test_every_key_of_the_summary_is_in_its_table(folders):
     } - {"levels"} == set(table_under("key of `summary.json`")) - {
         "levels",
         "ranks",
-    } - set(OF_TORN_MATERIALS)  # of several ranks, and of fracture in several materials
+    } - set(OF_TORN_MATERIALS)  # of several ranks, and of fracture with strengths or materials
     levels = set().union(*(level for summary in summaries for level in summary["levels"]))
     assert levels == set(table_under("key in `levels`"))
 

@@ -11,10 +11,9 @@ import zlib
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import commanded, invoke
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK
 from pdsurrogate.results.packing import packed
 from pdsurrogate.results.page import MOST_CHARACTERS, VIEWER, html_page
@@ -171,8 +170,7 @@ def test_a_page_of_a_run_without_outputs_has_tables_alone(folder, tmp_path):
 
 def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path):
     (tmp_path / "mine.html").write_text("mine")
-    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(tmp_path / "mine.html")])
-    assert done.exit_code == 2
+    done = commanded("show", folder, "--html", tmp_path / "mine.html", status=2)
     assert "was not written by pdsurrogate show and would be overwritten" in done.stderr
     assert (tmp_path / "mine.html").read_text() == "mine"
 
@@ -275,8 +273,7 @@ def measured(folder, tmp_path):
 
 def page_of(folder):
     path = folder / "page.html"
-    done = CliRunner().invoke(app, ["show", str(folder), "--html", str(path)])
-    assert done.exit_code == 0, done.output
+    commanded("show", folder, "--html", path)
     return path.read_text()
 
 
@@ -300,8 +297,7 @@ def test_measured_displacements_are_beside_the_simulated_ones(measured):
     np.testing.assert_allclose(found[3], given - simulated, atol=1e-4)
     assert (array_of(data["pieces"][entry["states"][0][0][0]]) == 65535).all()  # nothing there
     (measured / MEASURED).write_text("step,x1,x2\n1,2,3\n")
-    done = CliRunner().invoke(app, ["show", str(measured), "--html", str(measured / "page.html")])
-    assert done.exit_code == 2
+    done = commanded("show", measured, "--html", measured / "page.html", status=2)
     assert "the columns must be step,x1,x2,u1,u2" in done.stderr
 
 
@@ -317,7 +313,7 @@ def test_measured_displacements_are_beside_the_simulated_ones(measured):
 def test_rows_of_measured_displacements_are_checked(rows, code, message, measured, monkeypatch):
     monkeypatch.setattr("pdsurrogate.cli.show.html_page", lambda *_: "")
     (measured / MEASURED).write_text(f"step,x1,x2,u1,u2\n{rows}")
-    done = CliRunner().invoke(app, ["show", str(measured), "--html", str(measured / "page.html")])
+    done = invoke("show", measured, "--html", measured / "page.html")
     assert (done.exit_code, message in " ".join(done.stderr.split())) == (code, True)
 
 

@@ -123,6 +123,7 @@ def test_residuals_have_one_color(stretched):
     shear = stretched.plot("stress_12").axes[0].collections[0]
     low, high = shear.get_clim()
     assert high - low >= 1e-4 * np.abs(stretched.field("stress")).max()
+    assert not figures.STYLE["axes.formatter.useoffset"]  # numbers have no offset beside the bar
 
 
 def test_loading_curves_show_forces_where_motion_is_prescribed(block):

@@ -10,11 +10,10 @@ import sys
 import meshio
 import numpy as np
 import pytest
+from commands import commanded, invoke
 from stopping import at_level, interrupt
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.results.folder import LOCK, FolderTaken, occupied
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
@@ -80,14 +79,6 @@ def test_series_with_pyvista(saved):
     assert block.n_cells == len(result.body)
     warped = block.warp_by_vector("displacement")
     assert np.ptp(warped.bounds[:2]) == pytest.approx(1.5 * 3, rel=1e-4)
-
-
-def test_figure_is_a_picture(saved):
-    from matplotlib import image
-
-    picture = image.imread(saved[1] / "uniaxial.png")
-    assert picture.shape[0] > 300
-    assert picture.std() > 0.05
 
 
 def uniaxial(*stretches, **changes):
@@ -284,9 +275,7 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
         FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"
     ):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
-    ended = CliRunner().invoke(
-        app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)]
-    )
+    ended = invoke("run", "uniaxial", "--set", "spacing=0.1", "--out", tmp_path)
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
@@ -308,10 +297,9 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), f"{options['dir']}/tmpabc")
 
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
-    ended = CliRunner().invoke(
-        app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")]
+    ended = commanded(
+        "run", "uniaxial", "--set", "spacing=0.1", "--out", tmp_path / "some" / "where", status=2
     )
-    assert ended.exit_code == 2
     assert (
         f"{tmp_path / 'some' / 'where'}: files cannot be created here ({tmp_path}" in ended.stderr
     )
@@ -321,7 +309,6 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
 def test_results_need_a_folder(tmp_path):
     (tmp_path / "file").write_text("mine")
     for given in (str(tmp_path / "file"), os.devnull, ""):
-        ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", given])
-        assert ended.exit_code == 2
+        ended = commanded("run", "uniaxial", "--set", "spacing=0.1", "--out", given, status=2)
         assert "folder" in ended.output
     assert (tmp_path / "file").read_text() == "mine"

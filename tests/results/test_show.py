@@ -4,16 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from commands import commanded, invoke
 from matplotlib import image
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.results import figures
-
-
-def invoke(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def picture_of(path):
@@ -23,7 +18,7 @@ def picture_of(path):
 
 
 def test_pictures_of_a_saved_run(folder, tmp_path):
-    done = invoke(
+    done = commanded(
         "show",
         folder,
         "--field",
@@ -35,7 +30,6 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
         "--out",
         tmp_path,
     )
-    assert done.exit_code == 0, done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "uniaxial-displacement.png",
         "uniaxial-stress_11.png",
@@ -68,8 +62,7 @@ def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
     pds.simulate(pds.load_scene("bonded-block", spacing=0.25, stretches=1.1), "bond-energy").save(
         tmp_path / "out"
     )
-    done = invoke("show", tmp_path / "out", "--field", "von_mises", "--out", tmp_path)
-    assert done.exit_code == 0, done.output
+    commanded("show", tmp_path / "out", "--field", "von_mises", "--out", tmp_path)
     picture_of(tmp_path / "bonded-block-von_mises.png")
 
 
@@ -98,8 +91,7 @@ def test_what_cannot_be_drawn_is_told_in_one_line(
     folder, tmp_path, monkeypatch, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
-    done = invoke(*(argument.format(folder=folder) for argument in arguments))
-    assert done.exit_code == 2, done.output
+    done = commanded(*(argument.format(folder=folder) for argument in arguments), status=2)
     assert message in done.stderr
     assert "Traceback" not in done.output
     assert not list(tmp_path.iterdir())
@@ -112,8 +104,7 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path, monkeypatch):
         figures, "save", lambda figure, path: drawn.append(figure) or save(figure, path)
     )
     spacing = {"torsion": 0.25, "tear": 0.1}.get(name, 0.1)
-    done = invoke("scenes", name, "--plot", "--set", f"spacing={spacing}", "--out", tmp_path)
-    assert done.exit_code == 0, done.output
+    commanded("scenes", name, "--plot", "--set", f"spacing={spacing}", "--out", tmp_path)
     picture = picture_of(tmp_path / f"{name}-scene.png")
     scene = pds.load_scene(name, spacing=spacing)
     [figure] = drawn

@@ -13,11 +13,10 @@ import time
 
 import numpy as np
 import pytest
+from commands import commanded
 from stopping import Killed, at_level, interrupt
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.progress import listening
 from pdsurrogate.results import tables
 from pdsurrogate.results.checkpoint import CheckpointError
@@ -138,8 +137,7 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     assert not read.summary["converged"]
     assert len(STRETCHES) > rows >= len(read.levels) == len(read.states)
     assert repr(read).endswith("running>")
-    shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
-    assert shown.exit_code == 0, shown.output
+    shown = commanded("show", tmp_path, "--out", tmp_path)
     assert "under way, or was ended from without" in shown.stderr
     assert (tmp_path / "uniaxial-displacement.png").exists()
     # What a process leaves that is killed while it writes goes when the run goes on.
@@ -186,8 +184,7 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(
         simulate(scene, "analytic", folder=tmp_path)
     read = pds.load_result(tmp_path)
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
-    shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
-    assert shown.exit_code == 0, shown.output
+    shown = commanded("show", tmp_path, "--out", tmp_path)
     assert (
         "there is no output to draw: the run has not finished; resume it with --resume"
         in shown.stderr
@@ -229,13 +226,11 @@ def test_a_run_that_is_interrupted_in_an_equilibrium_begins_it_anew(tmp_path, na
 
 def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
     command = ["run", "uniaxial", *SHEET, "--out", str(tmp_path), "--json"]
-    done = CliRunner().invoke(app, [*command, "--max-time", "1e-6"])
-    assert done.exit_code == 130, done.output
+    done = commanded(*command, "--max-time", "1e-6", status=130)
     assert "stopped after max_time" in done.stderr
     assert "add --resume to the command" in done.stderr
     assert json.loads(done.stdout)["status"] == "interrupted"
-    done = CliRunner().invoke(app, [*command, "--resume"])
-    assert done.exit_code == 0, done.output
+    done = commanded(*command, "--resume")
     assert len(pds.load_result(tmp_path).levels) == 3
     for wrong in (0, -1.0, math.inf):
         with pytest.raises(ValueError, match="max_time must be a number of seconds greater than 0"):

@@ -6,11 +6,10 @@ import warnings
 
 import numpy as np
 import pytest
+from commands import commanded
 from runs import started
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.run import transient
 from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.cracks import Cracks, starts_of_cracks
@@ -202,8 +201,7 @@ def test_forces_without_an_energy_have_no_account_and_say_so(tmp_path):
         ("analytic", "Energy balance: analytic defines no energy"),
         ("bond-energy", "Energy balance: closed to"),
     ):
-        done = CliRunner().invoke(app, ["run", "tear", "--force", force, *options])
-        assert done.exit_code == 0, done.output
+        done = commanded("run", "tear", "--force", force, *options)
         assert said in done.output
 
 

@@ -12,13 +12,12 @@ import numba
 import numpy as np
 import pytest
 from bodies import build_body
+from commands import invoke
 from conftest import SHIPPED
 from runs import started
 from sklearn.linear_model import LinearRegression
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.learning import force_model_of
 from pdsurrogate.run.simulate import SimulationFailed, simulate
@@ -706,7 +705,7 @@ def test_compression_says_whether_stability_was_checked():
         assert "stability" not in pulled
         assert pushed["stability"] == expected
     options = ["--force", "analytic", "--set", "spacing=0.1", "--set", "stretches=0.95"]
-    ended = CliRunner().invoke(app, ["run", "uniaxial", *options])
+    ended = invoke("run", "uniaxial", *options)
     assert "whether it buckles was not checked: analytic defines no energy" in ended.output
 
 

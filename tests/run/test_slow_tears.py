@@ -89,6 +89,9 @@ def test_a_strip_tears_at_its_fracture_energy_and_comes_apart(torn):
     assert torn.summary["status"] == "done"
     assert torn.levels[-1]["stretch"] < 1.6
     assert abs(torn.history[-1]["nominal_stress"]) < 1e-3 * crack["peak"]["nominal_stress"]
+    path = crack["path"]  # of a crack that jumps between two outputs
+    assert abs(path["direction"]) < 2.0
+    assert path["stray"] < torn.summary["spacing"]
     assert torn.summary["peak_nominal_stress"] == crack["peak"]["nominal_stress"]
 
 

@@ -5,7 +5,7 @@ make no sense.
 import meshio
 import numpy as np
 import pytest
-from meshes import write_deck
+from meshes import TETRAHEDRA, write_deck
 from scipy.spatial import cKDTree
 
 from pdsurrogate.discretization import discretize, grip_areas, surface_of
@@ -544,10 +544,6 @@ def solid_mesh(count=6, jitter=0.2):
         if not all(count // 2 - 1 <= n <= count // 2 for n in (i, j, k))
     ]
     return nodes + moved, np.array(cells)
-
-
-TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6])
-"""Of a hexahedron, about the diagonal from its first corner to its seventh."""
 
 
 @pytest.mark.parametrize("kind", ["hexahedron", "tetra"])

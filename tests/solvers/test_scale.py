@@ -93,28 +93,6 @@ def test_a_strip_bends_under_its_own_weight(spacing, error):
     assert result.summary["n_force_evaluations"] < 400
 
 
-@pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy", "nosb"])
-def test_small_loads_bend_in_proportion(force):
-    """Below 1e-6 shear moduli there was no displacement, and with it a clamp carried 0.63 to 0.78
-    of the load.
-
-    Of a load s shear moduli the square of the deflection over the length, some (10 s)^2, is not
-    linear; forces left may be 5e-4 of the load, which between two loads is twice that.
-    """
-    loads = np.array([1e-9, 1e-7, 1e-5])
-    results = [simulate(cantilever(load), force) for load in loads]
-    deflection = (
-        np.array([result.levels[0]["displacements"]["right"][1] for result in results]) / loads
-    )
-    carried = np.array([result.levels[0]["forces"]["left"][1] for result in results]) / loads
-    np.testing.assert_allclose(carried, -1.0, rtol=PART)
-    np.testing.assert_allclose(deflection, deflection[-1], rtol=PART)
-    assert all(result.levels[0]["force_balance"] < PART for result in results)
-    assert all(result.summary["precision"] == "float64" for result in results)
-    evaluations = [result.summary["n_force_evaluations"] for result in results]
-    assert max(evaluations) < 2 * min(evaluations)
-
-
 @pytest.mark.parametrize("load", [1e-9, 1e-8])
 def test_small_loads_bend_a_nearly_incompressible_strip(load):
     """The search ended 30 % of the load away from equilibrium, with 0.944 of the deflection at the
@@ -168,19 +146,12 @@ def told(result, modulus, length):
 
 @pytest.mark.parametrize("force", ["neo-hookean@2", "bond-energy"])
 def test_units_change_nothing_in_the_plane(force):
-    """Powers of two change no digit of anything, so that no bit may differ; others change the
-    last ones, within the tolerance.
-    """
+    """Powers of two change no digit of anything, so that no bit may differ."""
     expected = simulate(cantilever(0.01), force)
     for units in POWERS:
         found = simulate(cantilever(0.01, *units), force)
         assert np.array_equal(told(found, *units), told(expected, 1.0, 1.0))
         assert found.summary["n_force_evaluations"] == expected.summary["n_force_evaluations"]
-    for units in DECIMALS:
-        found = simulate(cantilever(0.01, *units), force)
-        np.testing.assert_allclose(
-            told(found, *units), told(expected, 1.0, 1.0), rtol=PART, atol=1e-5
-        )
 
 
 def test_units_change_nothing_in_space():

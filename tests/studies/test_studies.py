@@ -13,12 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import commanded
 from meshes import write_plate
 from scipy import stats
-from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.studies.description import load_study, parameters_of_runs
@@ -239,8 +238,7 @@ def test_bad_input_is_one_line_and_status_2(text, options, message, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     if text is not None:
         Path("study.toml").write_text(text)
-    done = CliRunner().invoke(app, ["study", "study.toml", *options])
-    assert done.exit_code == 2, done.output
+    done = commanded("study", "study.toml", *options, status=2)
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 

@@ -1,0 +1,110 @@
+"""Strength and tearing energy on the card of an artifact, for scenes that leave them to it."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from ..scenes import Scene, SceneError
+from ..scenes.loading_checks import criteria_of
+from ..scenes.model import Criterion
+from ..scenes.reading import apply_change
+from ..scenes.strict_model import left_to_artifact
+from .card import Card, IdentificationEntries
+from .store import load_card
+
+MILLIMETERS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "in": 25.4}
+"""Units of length in millimeters, in which tearing energies on cards are, times the unit of stress.
+"""
+
+MEANS = {
+    "strength.uniaxial": ("nominal_stress", "tests in tension that went to break"),
+    "strength.stretch": ("stretch", "tests in tension that went to break"),
+    "strength.scatter.modulus": ("weibull_modulus", "five tests in tension that went to break"),
+}
+"""Entries of a card for keys of a criterion, and what is missing without them."""
+
+Given = TypeVar("Given", bound=Criterion)
+
+
+def with_measured(scene: Scene, card: Card, stress_of: Callable[[Card, Scene], float]) -> Scene:
+    """Return a scene in whose criteria of fracture the means of the tests behind an artifact
+    replace ``"artifact"``: for the rest of the body those of `card`, for an entry of `materials`
+    those of the artifact that it names as its force.
+
+    `stress_of` returns the unit of stress of a card in that of a scene.
+
+    Raises
+    ------
+    SceneError
+        If a card does not have them, or the unit of length is not known; the message names the key.
+    """
+    if scene.fracture is None or not any(map(left_to_artifact, criteria_of(scene).values())):
+        return scene
+    parts = tuple(
+        part
+        if part.fracture is None or part.force is None
+        else part.model_copy(
+            update={
+                "fracture": _filled(
+                    part.fracture,
+                    load_card(part.force),
+                    (scene, f"materials.{number}.fracture"),
+                    stress_of,
+                )
+            }
+        )
+        for number, part in enumerate(scene.materials)
+    )
+    rest = _filled(scene.fracture, card, (scene, "fracture"), stress_of)
+    return scene.model_copy(update={"fracture": rest, "materials": parts})
+
+
+def _filled(
+    given: Given,
+    card: Card,
+    place: tuple[Scene, str],
+    stress_of: Callable[[Card, Scene], float],
+) -> Given:
+    """Return a criterion with the numbers on a card in the units of a scene; `place` are the
+    scene and the key of the criterion.
+    """
+    scene, key = place
+    left = left_to_artifact(given)
+    if not left:
+        return given
+    data = given.model_dump()
+    tests = IdentificationEntries.model_validate(
+        {"data": "", "law": {}, **(card.training.get("identification") or {})}
+    )
+    try:
+        for name in left:
+            number = _energy(tests, scene.units.length) if name == "energy" else _mean(tests, name)
+            unit = stress_of(card, scene) if name in ("energy", "strength.uniaxial") else 1.0
+            apply_change(data, name, number * unit)
+    except ValueError as error:
+        raise SceneError(
+            f"scene {scene.name}: {key}.{name}: {error} (artifact {card.name}@{card.version})"
+        ) from None
+    return type(given).model_validate(data)
+
+
+def _mean(tests: IdentificationEntries, name: str) -> float:
+    """Return the mean on a card for a key; raise ValueError if it has none."""
+    entry, missing = MEANS[name]
+    broken = (tests.at_break or {}).get("uniaxial")
+    found = broken and getattr(broken, entry)
+    if not found:
+        raise ValueError(f"the card has no {missing}: state a number")
+    return found[0]
+
+
+def _energy(tests: IdentificationEntries, unit: str | None) -> float:
+    """Return the mean tearing energy of all specimens in the unit of stress of a card, times a
+    unit of length.
+    """
+    tears = (tests.tearing or {}).values()
+    number = sum(one.specimens for one in tears)
+    if not number:
+        raise ValueError("the card has no tear tests: state a number")
+    if unit not in MILLIMETERS:
+        raise ValueError(f"units.length must be one of {', '.join(MILLIMETERS)}, to convert it")
+    return sum(one.specimens * one.energy[0] for one in tears) / number / MILLIMETERS[unit]

@@ -1,0 +1,269 @@
+"""Strength of the materials of a scene: works at break, and the radii of the discs over which they
+must be reached in the mean, theory, section 32.
+"""
+
+import logging
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import scipy
+
+from ..body import Body
+from ..discretization import contained
+from ..materials import Law, homogeneous
+from ..materials.tearing import stretch_at
+from ..scenes import Scene
+from ..scenes.loading_checks import names_of_materials
+from ..scenes.model import Criterion
+from ..solvers.conditions import Loading
+from .fracture import ends_of_pairs
+from .random_strength import random_works
+
+logger = logging.getLogger(__name__)
+
+LEAST_RADIUS = 1.5
+"""Least radius of a disc in spacings: a smaller one holds too few points for a mean around the tip
+of a crack. Sheets of linear bonds tore within 12 % of Griffith's load at 1.6.
+"""
+
+STRETCHES = (1.0, 1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, math.inf)
+SHARES = (0.0, 0.04, 0.147, 0.342, 0.538, 0.733, 0.822, 0.911, 0.947, 1.0)
+"""Share of the way from the factor of small strains to that of large ones, 1, by stretch at break,
+from finite elements of a long cut in an incompressible neo-Hookean sheet
+(`pipelines/strength_factors.py`).
+"""
+
+REPORTED = ("stretch", "uniaxial", "work", "length", "factor", "radius")
+"""Attributes of a `Zone` in the summary of a run."""
+
+
+@dataclass(frozen=True)
+class Zone:
+    """Strength within one material, or of the interface between two.
+
+    Attributes
+    ----------
+    name : str
+    stretch, uniaxial : float
+        Stretch and nominal stress at break in uniaxial tension.
+    work : float
+        Energy density W_b there.
+    length : float
+        Fracture energy divided by the work at break.
+    factor : float
+        Mean energy density of a disc around the tip of a long crack times pi times the radius,
+        divided by the energy release rate.
+    radius : float
+        Radius of the discs, or balls in space.
+    off : float
+        Distance from clamped boundaries within which no disc is centered.
+    centers : ndarray of bool, shape (n,)
+        Points around which discs may lie.
+    pairs : ndarray of bool, shape (n_pairs,)
+        Pairs that its discs may break.
+    of_points : bool
+        Whether the energies of points are divided by the works of their own materials, and not by
+        that of the zone: within a material.
+    least : float or ndarray, shape (n,)
+        Share of the work that must be reached in the disc around a point: 1 unless strengths are
+        random.
+    """
+
+    name: str
+    stretch: float
+    uniaxial: float
+    work: float
+    length: float
+    factor: float
+    radius: float
+    off: float
+    centers: np.ndarray
+    pairs: np.ndarray
+    of_points: bool
+    least: float | np.ndarray = 1.0
+
+
+class Strengths:
+    """Strengths of the materials and interfaces of a scene on a body.
+
+    Parameters
+    ----------
+    scene : Scene
+    body, whole : Body
+        This rank's share of the body, and the whole body.
+    loading : Loading
+    of_points : ndarray of int, shape (n,)
+        Number of the material of every point, as of `CriticalStretches`.
+
+    Attributes
+    ----------
+    zones : list of Zone
+    works : ndarray, shape (n,)
+        Work at break of every point's own material, infinite where it has no strength.
+    inside : callable
+        ``inside(places)`` returns flags of the places (k, d) that lie in the body.
+    summary : list of dict
+        Entries of a run's summary.
+
+    Raises
+    ------
+    ValueError
+        If a material does not reach its strength, has branches or softening, or if the spacing is
+        too coarse; the message names the key.
+    """
+
+    def __init__(
+        self, scene: Scene, body: Body, whole: Body, loading: Loading, of_points: np.ndarray
+    ) -> None:
+        rest = scene.fracture
+        assert rest is not None  # has a strength
+        names = names_of_materials(scene)
+        laws = [scene.law(), *(part.material.build() for part in scene.materials)]
+        self.inside = partial(contained, scene, whole)
+        self.works = np.full(len(body), np.inf)
+        self.zones = list[Zone]()
+        clamped = clamped_distances(body, loading)
+        ends = np.sort(ends_of_pairs(body, of_points))
+        across = np.zeros(len(ends), dtype=bool)
+        for number, entry in enumerate(rest.interfaces):
+            one, other = sorted(names.index(name) for name in entry.between)
+            pairs = np.equal(ends, (one, other)).all(axis=1)
+            across |= pairs
+            if entry.strength is None:
+                continue
+            beside = np.zeros(len(body.all_points), dtype=bool)
+            beside[body.bonds.first[pairs]] = beside[body.bonds.second[pairs]] = True
+            self._add(
+                f"fracture.interfaces.{number}",
+                " and ".join(entry.between),
+                entry,
+                laws[one],
+                (body, scene.plane, clamped),
+                (beside[: len(body)], pairs, False),
+            )
+        for number, law in enumerate(laws):
+            own = scene.materials[number - 1].fracture if number else None
+            key = f"materials.{number - 1}.fracture" if own else "fracture"
+            given = own or rest
+            if given.strength is None or (number and scene.materials[number - 1].material.rigid):
+                continue
+            within = of_points == number
+            zone = self._add(
+                key,
+                names[number],
+                given,
+                law,
+                (body, scene.plane, clamped),
+                (within, ~across, True),
+            )
+            self.works[within] = zone.work
+            if given.strength.scatter is not None:
+                least = np.full(len(body), zone.work)
+                try:
+                    least[within] = random_works(
+                        given.strength.scatter, law, zone.uniaxial, whole, body.points[within]
+                    )
+                except ValueError as error:
+                    raise ValueError(f"{key}.strength.scatter: {error}") from None
+                self.zones[-1] = replace(zone, least=least / zone.work)
+        self.summary = [
+            {
+                "of": zone.name,
+                **{key: getattr(zone, key) for key in REPORTED},
+                "radius_in_spacings": zone.radius / body.spacing,
+                "at_grips": not zone.off,
+            }
+            for zone in self.zones
+        ]
+        for zone in self.zones:
+            logger.info(
+                "strength of %s: stretch at break %.4g, G / W_b %.4g; discs of radius %.4g,"
+                " %.3g spacings",
+                zone.name,
+                zone.stretch,
+                zone.length,
+                zone.radius,
+                zone.radius / body.spacing,
+            )
+
+    def _add(
+        self,
+        key: str,
+        name: str,
+        given: Criterion,
+        law: Law,
+        where: tuple[Body, str, np.ndarray],
+        members: tuple[np.ndarray, np.ndarray, bool],
+    ) -> Zone:
+        """Add the strength of a criterion in a material with a law, and return it.
+
+        `where` are the body, its plane, and the distances of its points from clamps; `members` the
+        points at which discs may be centered, the pairs that they may break, and `of_points`.
+        """
+        body, plane, clamped = where
+        strength = given.strength
+        assert strength is not None  # asked about only then
+        assert given.energy is not None  # needed beside a strength
+        try:
+            if law.memory:
+                raise ValueError(
+                    "the material has branches or softening, so that its work at break depends on"
+                    " how it is loaded; leave them or the strength out"
+                )
+            stretch = strength.stretch or stretch_at(
+                law,
+                lambda one: homogeneous.uniaxial(law, one).nominal_stress,
+                strength.uniaxial or 0.0,
+                "that stress",
+            )
+            state = homogeneous.uniaxial(law, stretch)
+            length = given.energy / state.energy_density
+            factor = factor_of(law, stretch, plane)
+            radius = factor * length * (3 / 8 if plane == "space" else 1 / math.pi)
+            if radius < LEAST_RADIUS * body.spacing:
+                raise ValueError(
+                    f"it must be exceeded in the mean over a radius of {radius:.3g}, which is"
+                    f" {radius / body.spacing:.2g} spacings and must be {LEAST_RADIUS:g} at least;"
+                    f" use {body.finer}; {0.9 * radius / LEAST_RADIUS:.3g} or less would do"
+                )
+        except ValueError as error:
+            raise ValueError(f"{key}.strength: {error}") from None
+        off = 0.0 if strength.at_grips else radius
+        numbers = stretch, state.nominal_stress, state.energy_density, length, factor, radius, off
+        centers, *others = members
+        zone = Zone(name, *numbers, centers & (clamped >= off), *others)
+        self.zones.append(zone)
+        return zone
+
+
+def factor_of(law: Law, stretch: float, plane: str) -> float:
+    """Return the factor c of a law that breaks at a stretch in uniaxial tension: the mean energy
+    density over a disc of radius R around the tip of a long crack is c G / (pi R).
+
+    For small strains it follows from the fields of Williams; for large ones it is 1 in neo-Hookean
+    material. A solid has the factor of plane strain.
+    """
+    K, mu = law.bulk_modulus, law.shear_modulus
+    nu = (3 * K - 2 * mu) / (6 * K + 2 * mu)
+    kappa = (3 - nu) / (1 + nu) if plane == "stress" else 3 - 4 * nu
+    small = (2 * kappa - 1) / (2 * kappa + 2)
+    share = np.interp(-1 / stretch, -1 / np.array(STRETCHES), SHARES)
+    return float(small + (1 - small) * share)
+
+
+def clamped_distances(body: Body, loading: Loading) -> np.ndarray:
+    """Return the distance of every point from the nearest boundary or point that is held in all
+    directions, shape (n,); infinite without any.
+    """
+    share = body.share
+    found = np.full(len(body), np.inf)
+    for plane in body.planes:
+        if not plane.symmetric:
+            np.minimum(found, np.abs(plane.mirrored(body.points)[1]), out=found)
+    held = share.own & (loading.free == 0).all(axis=1)
+    places = np.concatenate(share.everywhere(body.points[held]))
+    if len(places):
+        np.minimum(found, scipy.spatial.cKDTree(places).query(body.points)[0], out=found)
+    return found
