@@ -105,8 +105,8 @@ def fit(
     if data is None:
         if bulk or force_fit or free or history or facts.stated():
             options = (
-                "--free, --branches, --softening, --falling-times, --bulk-modulus, --bulk-ratio, --force-fit and"
-                " what is said of tests"
+                "--free, --branches, --softening, --falling-times, --bulk-modulus, --bulk-ratio,"
+                " --force-fit and what is said of tests"
             )
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from ..kernels.rates import log_overstress
 from ..materials import Law, Softening
 from ..materials.histories import branch_states, isochoric, softened
 from ..materials.memory import padded_knots
@@ -118,8 +117,8 @@ class Curves(NamedTuple):
         """Return the greatest overstress of branches of modulus 1 and some times."""
         squares = self.squares[..., None, :]
         ratios = squares / branch_states(self.time, self.squares, times)
-        logs = log_overstress(ratios.sum(axis=-1), (1 / ratios).sum(axis=-1))
-        return float(np.exp(logs.max()))
+        found = ratios.sum(axis=-1) ** 2 / 3 - (1 / ratios).sum(axis=-1)
+        return float(np.sqrt(found.max()))
 
     def peak(self, values: np.ndarray) -> np.ndarray:
         """Return the greatest value of a curve up to each of its rows."""
