@@ -39,6 +39,8 @@ class Totals:
         Equilibria in which bonds broke.
     breaking : bool
         Whether bonds may be overloaded in the last equilibrium, of an avalanche.
+    stored : float
+        Stored energy where the last avalanche began.
     """
 
     work: float = 0.0
@@ -54,6 +56,7 @@ class Totals:
     slope: float = 0.0
     events: int = 0
     breaking: bool = False
+    stored: float = 0.0
 
 
 @dataclass
