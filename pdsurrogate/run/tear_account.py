@@ -108,6 +108,11 @@ class TearAccount:
             sum(run.dissipated_energy().values()),
         )
 
+    @property
+    def energy(self) -> float:
+        """Stored energy in the present equilibrium."""
+        return self._known.energy
+
     def expects_event(self, load: float, stop: float) -> float:
         """Return the loading parameter at which the greatest load of a bond is expected to reach
         `load`, or `stop` if that is nearer.

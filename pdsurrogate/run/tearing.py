@@ -1,7 +1,10 @@
 """Stages in equilibrium in which bonds break: slow tears."""
 
+from contextlib import suppress
+
 import numpy as np
 
+from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, TooSmall
@@ -24,6 +27,12 @@ break together. Chosen: half of it changes the peak of the load by less than a t
 LARGEST_STRAIN = 0.1
 """Greatest strain of a bond by an increment, so that the work on it is known within a thousandth
 from the forces at its ends and those before.
+"""
+
+STRANDS = 1e-3
+"""Part of the stored energy that is left after an avalanche below which the body counts as
+separated: strands of single bonds may still join its parts. Chosen far below what a ligament of
+some points holds.
 """
 
 MOST_TRIALS = 12
@@ -116,6 +125,7 @@ class Tearing(Equilibria):
         """
         run = self.run
         totals = self._account.totals
+        stored = self._account.energy
         rough = False
         while True:
             failing = run.damage.failing(run.force, alone=True)
@@ -139,7 +149,8 @@ class Tearing(Equilibria):
             totals.breaking = False
             totals.load = run.damage.greatest_load(run.force)
             run.earlier = None
-            self.through = self.through or self._cracks.separated()
+            hangs = self._account.energy > STRANDS * stored
+            self.through = self.through or not hangs or self._cracks.separated()
             run.note(run.state.parameter, reason=f"{run.state.crack['broken_bonds']} bonds broken")
             if not (self.through or run.state.parameter == self._stop):  # where an output follows
                 self._row()
@@ -153,7 +164,8 @@ class Tearing(Equilibria):
         run.force.elapse(0.0)
         while run.body.share.any(len(pairs) > 0):
             self._cracks.break_bonds(pairs, cause)
-            run.force.place(run.positions)
+            with suppress(InvalidState):  # of points and bonds that fail next
+                run.loaded(run.positions, np.empty_like(run.positions))
             pairs = self._cracks.bonds_of_failed_points()
         return self._find_again(self._account.energy_left())
 
@@ -172,11 +184,13 @@ class Tearing(Equilibria):
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
         except (*FAILURES, TooSmall):
             before.restore(run, solver)
-            if not self._cracks.separated():
-                raise
             # What the parts do that nothing holds is no result of the tear.
-            self.through = True
+            self.through = self._cracks.separated()
             run.loaded(run.positions, np.empty_like(run.positions))
+            # On the way to separation there may be no equilibrium before further bonds break.
+            more = run.damage.failing(run.force, alone=True).pairs
+            if not (self.through or run.body.share.any(len(more) > 0)):
+                raise
             equilibrium = Equilibrium(run.residual, 0, solver.name)
         solver.gave_up = before.gave_up  # the next equilibrium is near
         run.accept()
@@ -214,7 +228,8 @@ class Tearing(Equilibria):
             super()._check(increments, reached, guess)
 
     def _record(self, equilibrium: Equilibrium) -> None:
-        self._cracks.output(with_way=True)
+        through = self._cracks.output(with_way=True)
+        self.run.state.crack["through"] = through or self.through
         super()._record(equilibrium)
 
     def _row(self) -> None:
