@@ -5,7 +5,6 @@ from ..materials.tearing import tearing_energy
 from ..measurements.breaks import with_deviation
 from ..measurements.specimens import TROUSER, MechanicalTests, Tear
 
-
 MOST_OFF = 0.1
 """Greatest relative difference between the energy of a law at break and the work of the tests
 without a remark. Chosen: 5 % in the stress, less than the scatter of most strengths.
