@@ -5,7 +5,6 @@ python pipelines/histories.py --docs   puts the tables into the documentation
 """
 
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +41,7 @@ REPEATED += [(2.45, 0.05)]
 """Stretches that several strips reached at the same rates."""
 
 
-def cycles(material: str, of: str = "") -> tuple[pds.identification.TestData, list[str]]:
+def cycles(material, of=""):
     """The curves of a material whose names begin with a text, and their names."""
     data = pds.load_test_data(FILES[material], mode="uniaxial", history=True)
     names = [one.name for one in data.tests.specimens]
@@ -50,7 +49,7 @@ def cycles(material: str, of: str = "") -> tuple[pds.identification.TestData, li
     return data.where(np.isin(data.curve, of_these)), names
 
 
-def errors(data, names: list[str], *parts: str) -> tuple:
+def errors(data, names, *parts):
     """A fit to the curves whose names lack the given parts; branches in words, and errors by name:
     fitted ones and those kept back.
     """
@@ -68,20 +67,20 @@ def errors(data, names: list[str], *parts: str) -> tuple:
     return ", ".join(branches), fitted, {name: off[name] for name in out}
 
 
-def kept_back(*parts: str) -> Iterator[tuple]:
+def kept_back(*parts):
     """Fit the other curves of VHB 4910; the errors of those fitted and of those kept back."""
     branches, fitted, left = errors(*cycles("VHB 4910"), *parts)
     others = [f"{name}: {error:.1f}" for name, error in left.items()]
     yield ", ".join(parts), branches, min(fitted), max(fitted), ", ".join(others)
 
 
-def by_temperature(temperature: str, rate: str) -> Iterator[tuple]:
+def by_temperature(temperature, rate):
     """Fit the other curves of VHB 4905 of a temperature; the error of the one kept back."""
     branches, fitted, left = errors(*cycles("VHB 4905", temperature), rate)
     yield temperature, rate, branches, max(fitted), *left.values()
 
 
-def scatter(stretch: float, rate: float) -> Iterator[tuple]:
+def scatter(stretch, rate):
     """Stresses of first loading of VHB 4910 at a stretch and a rate, of each strip."""
     data, names = cycles("VHB 4910")
     found = []

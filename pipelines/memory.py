@@ -4,9 +4,6 @@ python pipelines/memory.py                 all cases, a minute
 python pipelines/memory.py --docs          the table of all stored figures
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -22,15 +19,15 @@ RAMPS = np.array([0, 60, 80, 140]), (1.0, 2.0, 2.0, 1.0)
 """Numbers of the steps, and stretches."""
 
 
-def overstress(mode: str, knots, stretches, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def overstress(mode, knots, stretches, time):
     """Nominal stresses at times of a branch of modulus 1 and relaxation time 1, of the package and
     by SciPy at 1e-10.
     """
 
-    def squares(t: float) -> np.ndarray:
+    def squares(t):
         return np.exp(2 * np.array(LOGS[mode](np.log(np.interp(t, knots, stretches)), 0.0)))
 
-    def rate(t: float, logs: np.ndarray) -> np.ndarray:
+    def rate(t, logs):
         ratios = squares(t) / np.exp(logs)
         return ratios - ratios.mean()
 
@@ -52,7 +49,7 @@ def overstress(mode: str, knots, stretches, time: np.ndarray) -> tuple[np.ndarra
     return stress[0] - stress[1], np.array(expected)
 
 
-def of_steps(mode: str) -> Iterator[tuple]:
+def of_steps(mode):
     """Greatest errors of the overstress over the greatest overstress: of a cycle by its steps a
     relaxation time, and of ramps of 60 steps by their duration.
     """

@@ -3,6 +3,8 @@
 import meshio
 import numpy as np
 
+from pdsurrogate.discretization.cells import lattice_of
+
 __all__ = ["write_bar", "write_deck", "write_plate", "write_triangles"]
 
 GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
@@ -17,7 +19,7 @@ def write_bar(path, counts=(8, 4, 4), size=(2.0, 1.0, 1.0), jitter=0.25):
     groups lower end and upper, half of one part.
     """
     axes = [np.linspace(0, length, count + 1) for count, length in zip(counts, size, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes = lattice_of(*axes)
     inner = ((nodes > 1e-9) & (nodes < np.array(size) - 1e-9)).all(axis=1, keepdims=True)
     nodes += (
         inner
@@ -56,7 +58,7 @@ def write_triangles(path, count, size=(2.0, 1.0)):
     middle.
     """
     axes = [np.linspace(0, length, round(count * length) + 1) for length in size]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    nodes = lattice_of(*axes)
     number = np.arange(len(nodes)).reshape([len(axis) for axis in axes])
     around = np.stack(
         [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1

@@ -11,6 +11,7 @@ import numpy as np
 from ..arguments import check_kind
 from ..identification import nominal_stress
 from ..materials import LAWS
+from ..materials.covariance import slopes_of
 from ..problem.program import stages_of
 from ..scenes import Mesh, Scene, load_scene
 
@@ -26,15 +27,11 @@ def stress_derivatives(model, X: np.ndarray) -> np.ndarray:
     """Return the derivatives of `nominal_stress` by the parameters, shape (n_samples,
     n_parameters).
     """
-    columns = []
-    steps = 1e-5 * scales_of(model)
-    for step, change in zip(steps, np.diag(steps), strict=True):
-        sides = [
-            nominal_stress(model.unknown_.law_of(model.parameters_ + sign * change), X)
-            for sign in (1, -1)
-        ]
-        columns.append((sides[0] - sides[1]) / (2 * step))
-    return np.stack(columns, axis=1)
+    return slopes_of(
+        lambda values: nominal_stress(model.unknown_.law_of(values), X),
+        model.parameters_,
+        1e-5 * scales_of(model),
+    )
 
 
 def scenes_of(model) -> list[Scene]:

@@ -70,7 +70,7 @@ class ImagedScene(MeasuredScene):
     def at(self, places: np.ndarray) -> np.ndarray:
         """Return a mask of the rows that are displacements at the places in a mask."""
         found = self.rows.is_field.copy()
-        found[found] = places[self._at[found]]
+        found[found] = places[self._entry_of[found] // self.scene.dimension]
         return found
 
     def weigh(self, y: np.ndarray, root: np.ndarray) -> None:
@@ -101,7 +101,7 @@ class ImagedScene(MeasuredScene):
             for step in self.steps:
                 here = self.rows.is_field & (self.rows.step == step)
                 fields = self._base.moved_places(self._guesses[step], self._parameters[step])
-                values[here] = self._of_rows(here, [], self._seen(step, fields))
+                values[here] = self._seen(step, fields).flat[self._entry_of[here]]
             self._followed = law, fit, values
         _, fit, values = self._followed
         if not len(names):

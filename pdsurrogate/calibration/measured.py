@@ -5,6 +5,7 @@ its law.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -99,8 +100,10 @@ class MeasuredScene:
         ]
         self._check()
         self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
-        self._at = np.full(len(rows.step), -1)
-        self._at[rows.is_field] = at.ravel()
+        # Entries of all displacements at places, and then of the outputs.
+        self._entry_of = self._places.size - rows.quantity
+        first = scene.dimension * at.ravel() - 1
+        self._entry_of[rows.is_field] = first + rows.quantity[rows.is_field]
         self.steps = np.unique(rows.step).tolist()
         self.count = len(self.steps)
         self._loading = "stretch" if scene.stretched else "t"
@@ -126,16 +129,10 @@ class MeasuredScene:
         scene = with_law(self.scene, law, spacing)
         result = _simulated(scene)
         found = np.empty(len(self.rows.step))
-        at_places = self._interpolation(scene, result)
+        at_places = self._interpolation(scene)
         for step, level in self._levels(result).items():
-            here = self.rows.step == step
-            row = dict(leaves(level))
             fields = at_places(result.displacement(step - 1), level[self._loading])
-            found[here] = self._of_rows(
-                here,
-                [sign * self._named(row, name) for name, sign in self.outputs],
-                self._seen(step, fields),
-            )
+            self._fill(found, step, self._named(level), self._seen(step, fields))
         return found, result
 
     def motion(
@@ -196,14 +193,12 @@ class MeasuredScene:
         outputs = [] if self.rows.is_field.all() else self.outputs
         keys = list(dict.fromkeys(name for name, _ in outputs))
         for step, found in self._jacobians(law, keys, names).items():
-            here = self.rows.step == step
             for target, source, seen in (
                 (values, found.values, self._seen),
                 (derivatives, found.derivatives, self._seen_changes),
             ):
-                rows = [sign * source[keys.index(name)] for name, sign in outputs]
                 fields = source[len(keys) :].reshape(*self._places.shape, *source.shape[1:])
-                target[here] = self._of_rows(here, rows, seen(step, fields))
+                self._fill(target, step, dict(zip(keys, source, strict=False)), seen(step, fields))
         return values, derivatives
 
     def _jacobians(
@@ -310,14 +305,9 @@ class MeasuredScene:
         body.system.state.parameter = self._parameters[step]
         measured, forces = body.evaluated(positions)
         fields = np.array([*measured.values()][-self._places.size :]).reshape(self._places.shape)
-        return (
-            self._of_rows(
-                self.rows.step == step,
-                [sign * measured[name] for name, sign in self.outputs],
-                self._seen(step, fields),
-            ),
-            forces,
-        )
+        found = np.empty(len(self.rows.step))
+        self._fill(found, step, measured, self._seen(step, fields))
+        return found[self.rows.step == step], forces
 
     def follow(self, maps: Mapping[int, ImageMap]) -> None:
         """Take the place of an image in the scene from fitted maps by the numbers of scenes."""
@@ -357,7 +347,7 @@ class MeasuredScene:
         """
         field = self.rows.is_field
         counts = np.unique(
-            np.stack([self.rows.step, self.rows.quantity, self._at], axis=1)[field], axis=0
+            np.stack([self.rows.step, self.rows.quantity, self._entry_of], axis=1)[field], axis=0
         )[:, :2]
         return (
             bool(field.any())
@@ -376,8 +366,8 @@ class MeasuredScene:
         guessed = self._base.moved_places(self._guesses[step], self._parameters[step])
         here = (self.rows.step == step) & self.rows.is_field
         changes = np.full(guessed.shape, np.nan)
-        entry = self._at[here], self.rows.quantity[here] - 1
-        changes[entry] = y[here] - self._seen(step, guessed)[entry]
+        entry = self._entry_of[here]
+        changes.flat[entry] = y[here] - self._seen(step, guessed).flat[entry]
         changes = self._in_scene(step, changes)
         for axis in range(guessed.shape[1] if len(guessed) else 0):
             at = np.flatnonzero(np.isfinite(changes[:, axis]))
@@ -434,50 +424,43 @@ class MeasuredScene:
         places = self._places_in(system.body)
         return replace(body, at_places=fields_at(system.body, places, system.force.portion_of)[0])
 
-    def _interpolation(
-        self, scene: Scene, result: Result
-    ) -> Callable[[np.ndarray, float], np.ndarray]:
+    def _interpolation(self, scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
         """Return the function that gives displacements at the places of the rows from those of the
         points and the loading parameter.
         """
         if not len(self._places):
             return lambda *_: np.empty((0, 0))
         try:
-            # Beside an interface only points of the same material count, which a result does not
-            # tell.
-            places = self._places_in(result.body)
-            follow = None if scene.materials else fields_at(result.body, places)[0]
-            if follow is None or follow.across:
-                return self._differentiated(scene).moved_places
-            return lambda displacements, _: follow(displacements)
+            return self._differentiated(scene).moved_places
         except ValueError as error:
             raise Unlike(
                 f"a place of the displacements: {error} (places are those of the undeformed body of"
                 " the scene)"
             ) from None
 
-    def _named(self, row: dict, name: str) -> float:
-        if not isinstance(row.get(name), float):
-            known = ", ".join(key for key, value in row.items() if isinstance(value, float))
-            raise ValueError(
-                f"outputs: scene {self.scene.name} has no {name!r}; its outputs have {known}"
-            )
-        return row[name]
+    def _named(self, level: dict) -> dict[str, float]:
+        """Return the outputs of a level by dotted key; raise ValueError if one is missing."""
+        row = {key: value for key, value in leaves(level) if isinstance(value, float)}
+        for name, _ in self.outputs:
+            if name not in row:
+                raise ValueError(
+                    f"outputs: scene {self.scene.name} has no {name!r}; its outputs have"
+                    f" {', '.join(row)}"
+                )
+        return row
 
-    def _of_rows(self, here: np.ndarray, outputs: list, fields: np.ndarray) -> np.ndarray:
-        """Return the entries of the rows `here`, a mask, from those of the outputs (m, ...) and
-        of the places (k, d, ...).
+    def _fill(
+        self, found: np.ndarray, step: int, outputs: Mapping[str, Any], fields: np.ndarray
+    ) -> None:
+        """Write the entries of the rows of a step, from outputs by dotted key and displacements at
+        the places (k, d, ...).
         """
-        quantity = self.rows.quantity[here]
-        field = self.rows.is_field[here]
-        found = np.empty(
-            (len(quantity), *(fields.shape[2:] if field.any() else np.shape(outputs)[1:]))
-        )
-        if field.any():
-            found[field] = fields[self._at[here][field], quantity[field] - 1]
-        if not field.all():
-            found[~field] = np.array(outputs)[-quantity[~field]]
-        return found
+        here = self.rows.step == step
+        signed = [sign * outputs[name] for name, sign in self.outputs if name in outputs]
+        every = fields.reshape(self._places.size, *fields.shape[2:])
+        if len(signed):
+            every = np.concatenate([every, np.array(signed)])
+        found[here] = every[self._entry_of[here]]
 
 
 FAILURES = (NoEquilibrium, InvalidState, SimulationFailed, SceneError)

@@ -35,30 +35,28 @@ class MemoryUnknowns:
     memory: Memory
     times: tuple[float, float]
 
+    @property
+    def _numbers(self) -> list[str]:
+        """Names of the numbers of the memory that are unknowns."""
+        return [name for name, value in self.memory.numbers().items() if value]
+
     def unknowns(self) -> list[str]:
         """Return the names of the parameters."""
-        return [*self.elastic.unknowns(), *self._start(1.0)]
+        return [*self.elastic.unknowns(), *self._numbers]
 
     def completed(self, values: np.ndarray) -> np.ndarray:
         """Return parameters, of which those of the elastic energy are given, with the memory at the
         start.
         """
         elastic = values[: len(self.elastic.unknowns())]
-        memory = self._start(self.elastic.law_of(elastic).shear_modulus)
-        return np.r_[elastic, [*memory.values()]]
-
-    def _start(self, shear_modulus: float) -> dict[str, float]:
-        """Return the numbers of the memory at the start, with a shear modulus of the law."""
-        numbers = self.memory.scaled(shear_modulus).numbers()
-        return {name: value for name, value in numbers.items() if value}
+        memory = self.memory.scaled(self.elastic.law_of(elastic).shear_modulus).numbers()
+        return np.r_[elastic, [memory[name] for name in self._numbers]]
 
     def law_of(self, values: np.ndarray) -> Law:
         """Return the law with given values of the parameters."""
         elastic, memory = np.split(np.asarray(values, dtype=float), [len(self.elastic.unknowns())])
-        law = self.elastic.law_of(elastic)
-        numbers = dict(zip(self._start(1.0), memory.tolist(), strict=True))
-        start = self.memory.scaled(law.shear_modulus)
-        return replace(law, memory=start.with_numbers(numbers))
+        numbers = dict(zip(self._numbers, memory.tolist(), strict=True))
+        return replace(self.elastic.law_of(elastic), memory=self.memory.with_numbers(numbers))
 
     def search_range(
         self, start: np.ndarray, scale: float
@@ -67,7 +65,7 @@ class MemoryUnknowns:
         *bounds, logarithmic = self.elastic.search_range(start, scale)
         stresses = scale * np.array(MODULI)
         ranges = {**SOFTENING, "modulus": stresses, "m": stresses, "time": self.times}
-        own = np.array([ranges[name.rpartition(".")[2]] for name in self._start(1.0)]).T
+        own = np.array([ranges[name.rpartition(".")[2]] for name in self._numbers]).T
         low, high = (np.r_[one, more] for one, more in zip(bounds, own, strict=True))
         return low, high, np.r_[logarithmic, own[0] > 0]
 

@@ -24,6 +24,7 @@ from .identify import (
     Branches,
     BulkModulus,
     BulkRatio,
+    FallingTimes,
     Softens,
     Terms,
     number_of_branches,
@@ -69,6 +70,7 @@ def fit(
     ] = False,
     branches: Branches = None,
     softening: Softens = False,
+    falling_times: FallingTimes = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[
@@ -99,11 +101,12 @@ def fit(
         )
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    history = softening or falling_times or branches is not None
     if data is None:
-        if bulk or force_fit or free or softening or branches is not None or facts.stated():
+        if bulk or force_fit or free or history or facts.stated():
             options = (
-                "--free, --branches, --softening, --bulk-modulus, --bulk-ratio, --force-fit and"
-                " what is said of tests"
+                "--free, --branches, --softening, --falling-times, --bulk-modulus, --bulk-ratio,"
+                " --force-fit and what is said of tests"
             )
             raise ValueError(f"{options} need --data; without data, set parameters with --set")
         tests = None
@@ -117,15 +120,14 @@ def fit(
             )
         name_of_law = None if free else law
         with Bar(f"Fitting {'an energy' if free else law} to {', '.join(data)}"):
-            history = softening or branches is not None
             rows = load_test_data(*data, history=history, **facts.stated())
             if not history:
                 model = reporting.fitted(rows, name_of_law, terms or N_TERMS, bulk)
                 report = reporting.examined(model, rows)
                 tests = (rows, model)
             else:  # bond forces have no history: the artifact is of the elastic energy
-                number = number_of_branches(branches)
-                model = fitted_history(rows, name_of_law, number, terms or N_TERMS, softening, bulk)
+                memory = number_of_branches(branches), terms or N_TERMS, softening, falling_times
+                model = fitted_history(rows, name_of_law, *memory, bulk)
                 report = report_of_history(model, rows)
                 tests = None
                 settings = settings.model_copy(update={"energy": True})

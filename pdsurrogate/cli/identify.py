@@ -66,6 +66,15 @@ Softens = Annotated[
 ]
 
 
+FallingTimes = Annotated[
+    bool,
+    Option(
+        "--falling-times",
+        help="Let the relaxation times of --branches fall with the overstress.",
+    ),
+]
+
+
 def number_of_branches(branches: str | None) -> int | None:
     """Return the number of branches that an option states, None for a choice of the number."""
     if branches is None:
@@ -95,6 +104,7 @@ def identify(
     bulk_ratio: BulkRatio = None,
     branches: Branches = None,
     softening: Softens = False,
+    falling_times: FallingTimes = False,
     hold_out: Annotated[
         bool,
         Option(
@@ -109,7 +119,7 @@ def identify(
     given.
     """
     names = law or fitted_laws()
-    history = softening or branches is not None
+    history = softening or falling_times or branches is not None
     rows = load_test_data(*data, history=history, **facts.stated())
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
@@ -120,7 +130,7 @@ def identify(
             raise ValueError("--up-to and --hold-out do not go with --branches and --softening")
         if terms is not None and law is None:
             raise ValueError("--terms needs --law ogden; without --law an energy is identified")
-        memory = number_of_branches(branches), terms or N_TERMS, softening, bulk
+        memory = number_of_branches(branches), terms or N_TERMS, softening, falling_times, bulk
         with Bar(rows.name):
             fits = [fitted_history(rows, name, *memory) for name in law or [None]]
         _report_histories(rows, fits, folder)

@@ -32,13 +32,22 @@ CERTAIN = 2.0
 SOFTENING = {"r": (1.0, 100.0), "m": (1e-5, 1e3), "beta": (0.0, 10.0)}
 """Bounds of the parameters of softening; those of m are in units of the greatest energy."""
 
+SPAN = 10.0
+EXPONENTS = 2
+"""Range of overstresses, up to the greatest one, in which times fall, and the number of powers by
+which they do so in equal parts of it. Chosen: stresses below a tenth of the greatest tell little.
+"""
+
+STEEPEST = 10.0
+"""Greatest power by which times fall."""
+
 MOST_EVALUATIONS = 100
 """Most evaluations of a refinement; a few tens are usual."""
 
 
 class Form(NamedTuple):
     """Parameters of a law with memory, in their order: those of the elastic energy, of softening,
-    the moduli of branches, and their times.
+    the moduli of branches, their times, and the powers by which all times fall with the overstress.
 
     Attributes
     ----------
@@ -46,31 +55,56 @@ class Form(NamedTuple):
     softening : tuple of str
         Parameters of softening; none without it.
     branches : int
+    places : ndarray, shape (n_powers + 1,)
+        Logarithms of the overstresses, divided by the modulus, between which times are powers of
+        them; empty for constant times.
     """
 
     elastic: Elastic
     softening: tuple[str, ...]
     branches: int
+    places: np.ndarray = np.empty(0)
 
     @property
     def names(self) -> list[str]:
         numbers = range(1, self.branches + 1)
         of_branches = [f"branch_{what}_{one}" for what in ("modulus", "time") for one in numbers]
-        return [*self.elastic.names, *(f"softening_{key}" for key in self.softening), *of_branches]
+        softening = (f"softening_{key}" for key in self.softening)
+        powers = (f"time_power_{one}" for one in range(1, len(self.places)))
+        return [*self.elastic.names, *softening, *of_branches, *powers]
 
     def parts(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return parameters of the elastic energy and of softening, moduli, and times."""
-        ends = np.cumsum([len(self.elastic.names), len(self.softening), self.branches])
-        return tuple(np.split(values, ends))
+        """Return parameters of the elastic energy and of softening, moduli, times, and powers."""
+        k = self.branches
+        return tuple(
+            np.split(values, np.cumsum([len(self.elastic.names), len(self.softening), k, k]))
+        )
+
+    def knots(self, powers: np.ndarray) -> np.ndarray | None:
+        """Return the knots of all branches (`Branch.knots`), None for constant times."""
+        if not len(powers):
+            return None
+        changes = np.diff(powers, prepend=0.0, append=0.0)
+        return np.tile(np.stack([self.places, changes]), (self.branches, 1, 1))
 
     def law(self, values: np.ndarray) -> Law:
         """Return the law; raise ValueError for parameters that no law has."""
-        elastic, softening, *branches = self.parts(values)
+        elastic, softening, moduli, times, powers = self.parts(values)
         softens = dict(zip(self.softening, softening.tolist(), strict=True))
-        memory = Memory(
-            tuple(Branch(*map(float, one)) for one in zip(*branches, strict=True)),
-            Softening(**softens) if softens else None,
+        falls = np.exp(
+            np.cumsum(-np.diff(self.places, prepend=self.places[:1]) * np.r_[0.0, powers])
         )
+        branches = (
+            Branch(modulus, time, tuple(zip(stresses, slower, strict=True)))
+            for modulus, time, stresses, slower in zip(
+                moduli.tolist(),
+                times.tolist(),
+                (moduli[:, None] * np.exp(self.places)).tolist(),
+                (times[:, None] * falls).tolist(),
+                strict=True,
+            )
+        )
+        memory = Memory(tuple(branches), Softening(**softens) if softens else None)
         return replace(self.elastic.law(elastic), memory=memory)
 
 
@@ -127,7 +161,8 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     curves, y, root = problem.curves, problem.y, problem.root
     low, high, logarithmic = _search_range(form, curves, y, start)
     k, scale = form.branches, np.abs(y).max()
-    before, elastic_form = len(start) - 2 * k, form._replace(branches=0)
+    before = len(form.elastic.names) + len(form.softening)
+    elastic_form = form._replace(branches=0, places=np.empty(0))
 
     def value(x):
         return np.exp(x, out=x.copy(), where=logarithmic)
@@ -138,9 +173,12 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
         return curves.elastic(form.elastic.law(np.array(values)))
 
     @cache
-    def relaxing(*times):
-        later = np.array(times) * np.exp(DIFFERENCE)
-        return np.hsplit(curves.columns(np.r_[times, later]), 2)
+    def relaxing(*values):
+        times, powers = np.split(np.array(values), [k])
+        each = [times, times * np.exp(DIFFERENCE)] + [times] * len(powers)
+        moved = [powers, powers, *powers + DIFFERENCE * np.eye(len(powers))]
+        knots = np.concatenate([form.knots(one) for one in moved]) if len(powers) else None
+        return np.hsplit(curves.columns(np.concatenate(each), knots), len(each))
 
     def elastic(values):
         try:
@@ -152,13 +190,13 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
 
     def residuals(x):
         values = value(x)
-        _, _, moduli, times = form.parts(values)
-        found = root * (elastic(values) + relaxing(*times)[0] @ moduli - y)
+        moduli = form.parts(values)[2]
+        found = root * (elastic(values) + relaxing(*values[before + k :])[0] @ moduli - y)
         return found if np.isfinite(found).all() else np.full(len(y), FAILED)
 
     def jacobian(x):
         values = value(x)
-        _, _, moduli, times = form.parts(values)
+        moduli = form.parts(values)[2]
         here = elastic(values)
         columns = []
         for place in range(before):
@@ -167,8 +205,9 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
             moved = x.copy()
             moved[place] += size if 2 * x[place] < low[place] + high[place] else -size
             columns.append((elastic(value(moved)) - here) / (moved[place] - x[place]))
-        now, later = relaxing(*times)
-        table = np.column_stack([*columns, now, moduli * (later - now) / DIFFERENCE])
+        now, later, *steeper = relaxing(*values[before + k :])
+        powers = [(one - now) @ moduli / DIFFERENCE for one in steeper]
+        table = np.column_stack([*columns, now, moduli * (later - now) / DIFFERENCE, *powers])
         return root[:, None] * np.nan_to_num(table, posinf=0.0, neginf=0.0)
 
     ends = low, high, np.clip(start, low, high)
@@ -192,10 +231,9 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     slopes = found.jac / np.where(logarithmic, values, 1.0)
     covariance = np.full((len(values), len(values)), np.inf)
     covariance[np.ix_(known, known)] = covariance_at(slopes[:, known], 2 * found.cost)
-    order = np.r_[
-        np.arange(before), *(before + n * k + np.argsort(values[before + k :]) for n in (0, 1))
-    ]
-    order = order.astype(int)
+    by_time = before + np.argsort(form.parts(values)[3])
+    order = np.r_[: len(values)]
+    order[before : before + 2 * k] = np.r_[by_time, by_time + k]
     return Refined(values[order], covariance[np.ix_(order, order)], at_bound[order])
 
 
@@ -210,13 +248,22 @@ def _search_range(form: Form, curves: Curves, y: np.ndarray, start: np.ndarray):
         least, most = scale * np.array([SOFTENING[key] for key in form.softening]).T
         low, high = np.r_[low, least], np.r_[high, most]
         logarithmic = np.r_[logarithmic, least > 0]
-    k = form.branches
+    k, powers = form.branches, max(0, len(form.places) - 1)
     ends = [curves.grid()[0] / BEYOND, curves.grid()[-1] * BEYOND] if k else [1.0, 1.0]
     return (
-        np.r_[low, np.zeros(k), np.full(k, ends[0])],
-        np.r_[high, np.full(k, np.inf), np.full(k, ends[1])],
-        np.r_[logarithmic, np.repeat([False, True], k)],
+        np.r_[low, np.zeros(k), np.full(k, ends[0]), np.zeros(powers)],
+        np.r_[high, np.full(k, np.inf), np.full(k, ends[1]), np.full(powers, STEEPEST)],
+        np.r_[logarithmic, np.repeat([False, True, False], [k, k, powers])],
     )
+
+
+def falling(curves: Curves, form: Form, values: np.ndarray) -> tuple[Form, np.ndarray]:
+    """Return the form of a fit whose times fall with the overstress, and its start from a fit of
+    constant times.
+    """
+    top = curves.greatest_overstress(form.parts(values)[3])
+    places = np.log(np.geomspace(top / SPAN, top, EXPONENTS + 1))
+    return form._replace(places=places), np.r_[values, np.ones(EXPONENTS)]
 
 
 def superfluous(form: Form, found: Refined, chosen: bool) -> np.ndarray:
@@ -225,8 +272,8 @@ def superfluous(form: Form, found: Refined, chosen: bool) -> np.ndarray:
     viscosity, whose modulus the tests do not tell, or the least certain one if its modulus is
     within its error.
     """
-    _, _, moduli, times = form.parts(found.values)
-    untold = np.flatnonzero(chosen & (form.parts(found.at_bound)[-1] < 0))[:1]
+    _, _, moduli, times, _ = form.parts(found.values)
+    untold = np.flatnonzero(chosen & (form.parts(found.at_bound)[3] < 0))[:1]
     errors = form.parts(np.sqrt(np.diag(found.covariance)))[2]
     idle = np.flatnonzero(moduli <= NEGLIGIBLE * moduli.max(initial=0.0))
     same = np.flatnonzero(np.diff(np.log(times)) < SAME_TIME)[:1]

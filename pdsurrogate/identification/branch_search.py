@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from ..materials import Law, Softening
 from ..materials.histories import branch_states, isochoric, softened
+from ..materials.memory import padded_knots
 from .averaging import nonnegative
 
 PER_DECADE = 4
@@ -74,9 +75,13 @@ class Curves(NamedTuple):
         squares = np.stack([first, second, 1 / (first * second)], axis=-1) ** 2
         return cls(X[at, 2], squares, (place[0], place[1]), at)
 
-    def columns(self, times: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Return the nominal stresses of branches of modulus 1, shape (n_rows, n_times)."""
-        states = branch_states(self.time, self.squares, times)[self.place]
+    def columns(
+        self, times: Sequence[float] | np.ndarray, knots: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the nominal stresses of branches of modulus 1, shape (n_rows, n_times); their
+        times fall with the overstress if they have `knots` (`branch_states`).
+        """
+        states = branch_states(self.time, self.squares, times, knots)[self.place]
         squares = self.squares[self.place]
         slopes = squares[:, None] / states
         return (slopes[..., 0] - slopes[..., 2]) / np.sqrt(squares[:, :1])
@@ -105,7 +110,15 @@ class Curves(NamedTuple):
         moduli = np.array([one.modulus for one in branches])
         energy, stress = self.elastic(law)
         stress = stress * self.softened(law.memory.softening, energy)
-        return stress + self.columns([one.time for one in branches]) @ moduli
+        times = [one.time for one in branches]
+        return stress + self.columns(times, padded_knots(branches)) @ moduli
+
+    def greatest_overstress(self, times: np.ndarray) -> float:
+        """Return the greatest overstress of branches of modulus 1 and some times."""
+        squares = self.squares[..., None, :]
+        ratios = squares / branch_states(self.time, self.squares, times)
+        found = ratios.sum(axis=-1) ** 2 / 3 - (1 / ratios).sum(axis=-1)
+        return float(np.sqrt(found.max()))
 
     def peak(self, values: np.ndarray) -> np.ndarray:
         """Return the greatest value of a curve up to each of its rows."""

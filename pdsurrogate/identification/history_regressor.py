@@ -15,7 +15,7 @@ from ..arguments import in_order
 from ..forces import OutsideDomainWarning
 from ..materials import Law
 from ..materials.memory import untested_rates
-from .branch_refinement import linear, refine, restart, superfluous
+from .branch_refinement import falling, linear, refine, restart, superfluous
 from .branch_search import Curves, choose
 from .branch_start import Problem, parameters_of_softening, start_of
 from .data import TestData
@@ -54,6 +54,10 @@ class HistoryRegressor(StressRegressor):
         Whether the elastic energy softens in unloading (Mullins), by the parameters of
         `pdsurrogate.materials.Softening`; beta is 0 if all curves unload from nearly one stretch.
         Each curve is that of a new specimen.
+    falling_times : bool, default=False
+        Whether relaxation times may fall with the overstress, all by the same powers of it: found
+        for the upper decade of the overstresses of the data, from the fit of constant times. A fit
+        takes several times as long.
     bulk_ratio : float, default=1000
         K over the shear modulus in fast motions, of elastic energy and branches together.
     bulk_modulus : float, optional
@@ -65,7 +69,8 @@ class HistoryRegressor(StressRegressor):
         Law with its memory.
     parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
         Coefficients and parameters of the elastic energy, those of softening, then moduli and times
-        of branches. Standard errors do not contain errors that rows of a curve have in common.
+        of branches, and the powers by which times fall. Standard errors do not contain errors that
+        rows of a curve have in common.
     cross_validation_ : list of dict
         Errors of left-out stresses by number of branches (`branch_search.Choice`).
     hull_, stretch_range_
@@ -108,6 +113,7 @@ class HistoryRegressor(StressRegressor):
         "branches": [Interval(Integral, 0, MOST_STATED, closed="both"), None],
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
         "softening": ["boolean"],
+        "falling_times": ["boolean"],
         **BULK_CONSTRAINTS,
     }
 
@@ -115,6 +121,7 @@ class HistoryRegressor(StressRegressor):
     branches: int | None = None
     n_terms: int = N_TERMS
     softening: bool = False
+    falling_times: bool = False
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None
 
@@ -133,7 +140,8 @@ class HistoryRegressor(StressRegressor):
         >>> pds.identification.HistoryRegressor("gent", softening=True).form
         'gent with branches and softening'
         """
-        parts = ["branches"] * (self.branches != 0) + ["softening"] * self.softening
+        falling = " of falling times" * self.falling_times
+        parts = [f"branches{falling}"] * (self.branches != 0) + ["softening"] * self.softening
         law = "energy without a law" if self.law == FREE else self.law
         return f"{law} with {' and '.join(parts)}" if parts else law
 
@@ -200,6 +208,8 @@ class HistoryRegressor(StressRegressor):
         np.float64(1.0)
         """
         self._begin_fit()
+        if self.falling_times and self.branches == 0:
+            raise ValueError("falling_times are those of branches: give branches")
         X, y, weight = self._checked(X, y, sample_weight)
         self._stretches(X)
         curves = Curves.of(X)
@@ -226,7 +236,10 @@ class HistoryRegressor(StressRegressor):
             if not len(left_out):
                 break
             start = restart(problem, form, found.values)
-            times = np.delete(form.parts(found.values)[-1], left_out)
+            times = np.delete(form.parts(found.values)[3], left_out)
+        if self.falling_times and form.branches:
+            form, values = falling(curves, form, found.values)
+            found = refine(problem, form, values)
         self.rates_ = rates_of(curves)
         self.hull_ = half_planes(X[:, :2])
         self.stretch_range_ = float(X[:, :2].min()), float(X[:, :2].max())

@@ -17,12 +17,15 @@ def fitted_history(
     branches: int | None,
     n_terms: int,
     softening: bool,
+    falling_times: bool,
     bulk: dict[str, float],
 ) -> HistoryRegressor:
     """Fit a law (Ogden's with `n_terms` terms), or an energy without one, with branches and
-    softening to test data; `branches` is None for a choice by cross-validation.
+    softening to test data; `branches` is None for a choice by cross-validation, and their times may
+    fall with the overstress.
     """
-    return HistoryRegressor(law or FREE, branches, n_terms, softening, **bulk).fit_tests(data)
+    model = HistoryRegressor(law or FREE, branches, n_terms, softening, falling_times, **bulk)
+    return model.fit_tests(data)
 
 
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:

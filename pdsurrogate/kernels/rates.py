@@ -95,7 +95,7 @@ def times_passed(
 
 def search_rows(dimension: int) -> int:
     """Return the number of rows of a thread's buffer for `passed_times`."""
-    return dimension * dimension + dimension + 3 * tensors_of(dimension).TENSOR + 8
+    return dimension * dimension + dimension + 3 * tensors_of(dimension).TENSOR + 9
 
 
 @ByDimension
@@ -198,7 +198,9 @@ def passed_times(algebra):
                     logs[0, k] = overstress(tensors.tensor_at(before, k), tensors.tensor_at(C_k, k))
                 add_hinges(knots, logs, begun)
                 for k in range(BLOCK):
-                    put_column(search, k, (start + begun[0, k], 0.0, NONE, start, start + longest))
+                    put_column(
+                        search, k, (start + begun[0, k], 0.0, NONE, start, start + longest, 0.0)
+                    )
                 for _ in range(MOST_ITERATIONS):
                     for k in range(BLOCK):
                         Cb = tensors.tensor_at(strains, k)
@@ -209,15 +211,19 @@ def passed_times(algebra):
                         )
                         logs[0, k] = overstress(Cb, tensors.end_step(B, b, Cb))
                     add_hinges(knots, logs, ended)
-                    moved = 0.0
+                    unsettled = 0.0
                     for k in range(BLOCK):
                         x = search[0, k]
                         residual = x - start + log_mean_time(begun[0, k], ended[0, k])
                         known = search[1, k], search[2, k]
                         new, low, high = next_trial(x, residual, known, search[3, k], search[4, k])
-                        put_column(search, k, (new, x, residual, low, high))
-                        moved = max(moved, abs(new - x))
-                    if not moved > SETTLED:
+                        # A settled pair stays as it is while others of its block go on.
+                        done = search[5, k]
+                        new = select(done > 0.0, x, new)
+                        done = select(abs(new - x) > SETTLED, done, 1.0)
+                        put_column(search, k, (new, x, residual, low, high, done))
+                        unsettled += 1.0 - done
+                    if unsettled == 0.0:
                         break
                 for k in range(BLOCK):
                     into[branch, k] = exponential(search[0, k])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import check_kind, check_names, check_numbers
 from .law import Law
@@ -206,6 +207,19 @@ def with_numbers_of(law: Law, values: Mapping[str, float]) -> Law:
     return replace(law, **changes)
 
 
+def slopes_of(
+    values: Callable[[np.ndarray], ArrayLike], parameters: np.ndarray, steps: np.ndarray
+) -> np.ndarray:
+    """Return the derivatives (..., n_parameters) of values (...) by parameters, by central
+    differences over `steps`.
+    """
+    columns = [
+        (np.asarray(values(parameters + change)) - values(parameters - change)) / (2 * step)
+        for step, change in zip(steps, np.diag(steps), strict=True)
+    ]
+    return np.stack(columns, axis=-1)
+
+
 def derivatives_of_numbers(
     law_of: Callable[[np.ndarray], Law], parameters: np.ndarray, steps: np.ndarray
 ) -> tuple[list[str], np.ndarray]:
@@ -216,11 +230,12 @@ def derivatives_of_numbers(
     over `steps`.
     """
     names = list(numbers_of(law_of(parameters)))
-    columns = []
-    for step, change in zip(steps, np.diag(steps), strict=True):
-        ahead, behind = (numbers_of(law_of(parameters + sign * change)) for sign in (1, -1))
-        columns.append([(ahead[name] - behind[name]) / (2 * step) for name in names])
-    derivatives = np.array(columns).T
+
+    def numbers(at: np.ndarray) -> list[float]:
+        found = numbers_of(law_of(at))
+        return [found[name] for name in names]
+
+    derivatives = slopes_of(numbers, parameters, steps)
     moving = np.flatnonzero(np.abs(derivatives).sum(axis=1))
     return [names[number] for number in moving], derivatives[moving]
 
@@ -251,11 +266,7 @@ def covariance_of_numbers(
     law = law_of(parameters)
     steps = 1e-6 * np.where(parameters, np.abs(parameters), 1.0)
     if not unknown:
-        sides = [
-            [law_of(parameters + sign * change).shear_modulus for sign in (1, -1)]
-            for change in np.diag(steps)
-        ]
-        slopes = np.array([ahead - behind for ahead, behind in sides]) / (2 * steps)
+        slopes = slopes_of(lambda at: law_of(at).shear_modulus, parameters, steps)
         unknown = (
             ["shear_modulus"]
             if slopes @ covariance @ slopes > (MOST_UNCERTAIN * law.shear_modulus) ** 2

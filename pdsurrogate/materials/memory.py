@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 NEARLY = 1.5
 """Factor by which rates may lie outside of those of tests. Chosen: curves at a rate 1.7 times
@@ -64,6 +65,40 @@ class Branch:
                     "times of a branch must be at rising overstresses and must not rise, but"
                     f" {fast:g} at {high:g} follows {slow:g} at {low:g}"
                 )
+
+    @classmethod
+    def of_regressor(cls, modulus: float, regressor: Any, overstresses: ArrayLike) -> Self:
+        """Return a branch with relaxation times that a regressor has learned.
+
+        Parameters
+        ----------
+        modulus : float
+        regressor : object
+            Its ``predict(X)`` gives logarithms of relaxation times (n,) by those of overstresses
+            (n, 1), as regressors of scikit-learn do. Where they rise, the time before is kept.
+        overstresses : array-like, shape (n,)
+            Rising overstresses at which it is asked; between them times are powers of them.
+
+        Returns
+        -------
+        Branch
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sklearn.isotonic import IsotonicRegression
+        >>> from pdsurrogate.materials import Branch
+        >>> overstress, time = np.array([0.1, 0.2, 0.4]), np.array([9.0, 4.0, 1.0])
+        >>> known = IsotonicRegression(increasing=False, out_of_bounds="clip")
+        >>> known = known.fit(np.log(overstress), np.log(time))
+        >>> learned = Branch.of_regressor(0.5, known, [0.1, 0.4])
+        >>> round(learned.time_at(0.2), 6)
+        3.0
+        """
+        stresses = np.asarray(overstresses, dtype=float)
+        logs = np.asarray(regressor.predict(np.log(stresses)[:, None]), dtype=float)
+        times = np.exp(np.minimum.accumulate(logs)).tolist()
+        return cls(modulus, times[0], tuple(zip(stresses.tolist(), times, strict=True)))
 
     def time_at(self, overstress: float) -> float:
         """Return the relaxation time at an overstress.

@@ -1,6 +1,7 @@
 """Stages in equilibrium: outputs on the way, and increments between them."""
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
@@ -397,10 +398,12 @@ class Equilibria:
                 )
 
         drive = self._path.least_drive(target)
+        taken = 0
         for _ in range(MOST_ROUNDS):
             found = self._path.solver.solve(run.loaded, run.positions, tolerance, report, drive)
+            taken += found.evaluations
             if not settle(run.force, run.positions):
-                return found
+                return replace(found, evaluations=taken)
         raise NoEquilibrium("branches do not settle: their relaxation times depend on the state")
 
     def _stop_on_request(self) -> None:

@@ -6,6 +6,7 @@ import tomllib
 
 import pytest
 from commands import commanded
+from polynomials import polynomial
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
@@ -23,9 +24,7 @@ def store(tmp_path_factory):
 
     def make(name, law, identification=None):
         samples = pds.training_samples(law, 400, (0.7, 2.0), random_state=0)
-        model = pds.surrogate_pipeline(
-            pds.learning.ChebyshevRegressor(5), features="isochoric"
-        ).fit(samples.X, samples.y)
+        model = polynomial(samples, 5)
         return pds.store(
             model, samples, law, folder, name, "1", pds.CardText("x", identification=identification)
         )
@@ -132,9 +131,7 @@ def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
     samples = pds.training_samples(
         pds.materials.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0
     )
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(
-        samples.X, samples.y
-    )
+    model = polynomial(samples, 5)
     with pytest.warns(UserWarning, match=r"RMS error of [\d.]+ % relative to neo-hookean"):
         path = pds.store(model, samples, law, tmp_path, "off", "1", "x")
     with pytest.warns(

@@ -241,6 +241,6 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
     result = pds.simulate(scene, "bond-energy")
     level = result.levels[0]
     assert abs(level["nominal_stress_error"]) < 0.01
-    stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
+    stress = result.field("stress")
     pressure = np.trace(stress, axis1=1, axis2=2) / 3
     assert checkerboard(pressure, result.body) < 0.005

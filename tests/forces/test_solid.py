@@ -12,6 +12,7 @@ from probes import assert_slope, directions_of
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.body import bonds as bonds_module
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import LAWS, InvariantLaw, NeoHookean, solid
 from pdsurrogate.solvers.methods import Automatic
@@ -24,7 +25,7 @@ F = np.array([[1.3, 0.2, -0.1], [-0.15, 0.9, 0.2], [0.1, 0.05, 0.88]])
 def box(counts=(5, 5, 5), reach=1.75, planes=(), spacing=0.2, **options):
     """A lattice with its lower corner at the origin."""
     axes = [(np.arange(count) + 0.5) * spacing for count in counts]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice_of(*axes)
     return Body(
         points, np.full(len(points), spacing**3), reach * spacing, spacing, planes=planes, **options
     )
@@ -368,7 +369,7 @@ def test_a_bonded_cube_is_as_finite_elements_have_it(bulk_modulus, stretch, reac
     )
     planes = (CLAMP, ReflectionPlane(0, 0.5, 1, (-1, 1, 1)), *mirrors)
     axis = (np.arange(6) + 0.5) * h
-    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice_of(axis, axis, axis)
     body = Body(points, np.full(len(points), h**3), 1.75 * h, h, planes=planes)
     force = FORCES["bond-energy"]().bind(
         body, NeoHookean(1.0, bulk_modulus), ForceSettings(plane="space")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from any_input import AnyInput
 from commands import commanded
+from polynomials import polynomial
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import pdsurrogate as pds
@@ -305,9 +306,7 @@ def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
     law = pds.identification.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
     assert isinstance(law, pds.materials.Polyconvex)
     samples = pds.training_samples(law, 1000, (0.6, 2.2), random_state=0)
-    model = pds.surrogate_pipeline(
-        pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
-    ).fit(samples.X, samples.y)
+    model = polynomial(samples, (10, 5))
     path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
     scene = pds.load_scene(
         "uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with
@@ -429,9 +428,7 @@ def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
     law = model.law_
     samples = pds.training_samples(law, 1500, (0.5, 3.0), random_state=0)
     samples.design["hull"] = model.domain_hull()
-    pipeline = pds.surrogate_pipeline(
-        pds.learning.ChebyshevRegressor((10, 5)), features="isochoric"
-    ).fit(samples.X, samples.y)
+    pipeline = polynomial(samples, (10, 5))
     path = pds.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
     assert pds.load_surrogate(path).domain.hull is not None
     shares = {}

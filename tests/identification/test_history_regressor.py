@@ -205,7 +205,7 @@ def test_a_file_with_times_is_taken_whole(file):
     assert len(data) == 240
     assert data.histories()[:, 3].max() == 2
     assert (data.weight == 1).all()
-    model = fitted_history(data, "neo-hookean", None, 3, False, {})
+    model = fitted_history(data, "neo-hookean", None, 3, False, False, {})
     report = report_of_history(model, data)
     assert [round(one["greatest_stretch"], 1) for one in report["curves"]] == [2.0] * 3
     assert max(one["relative_rms"] for one in report["curves"]) < 0.004
@@ -323,3 +323,32 @@ def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
         slow = pds.load_scene("uniaxial", timed | {"times": times})
         with pytest.warns(OutsideDomainWarning, match=words):
             with_material(slow, tmp_path / "relaxing" / "1")
+
+
+FALLING = Branch(0.8, 40.0, ((0.1, 40.0), (2.0, 0.2)))
+"""Time that falls by a power of 1.77 of the overstress."""
+
+
+def test_times_that_fall_with_the_overstress_are_learned_from_cycles():
+    """Rates that are kept back, one of them faster than all others, are predicted."""
+    rubber = replace(LAWS[0], memory=Memory((FALLING,)))
+    one_mode = {"rows": 80, "path": [1, 2, 2, 1.1]}
+    X, y = cycles(rubber, 0.003, rates=(0.003, 0.03, 0.3), **one_mode)
+    constant = HistoryRegressor("neo-hookean", 3).fit(X, y)
+    found = HistoryRegressor("neo-hookean", 1, falling_times=True).fit(X, y)
+    for rate in (0.1, 0.4):
+        kept, stress = cycles(rubber, rates=(rate,), **one_mode)
+        off = [np.abs(one.predict(kept) - stress).max() / stress.max() for one in (found, constant)]
+        assert off[0] < 0.01
+        assert off[1] > 4 * off[0]
+    branch = found.law_.memory.branches[0]
+    places = np.geomspace(0.2, 0.6, 5)
+    times = [[one.time_at(place) for place in places] for one in (branch, FALLING)]
+    assert times[0] == pytest.approx(times[1], rel=0.15)
+    assert "time_power_2" in found.parameter_names_
+    assert np.isfinite(found.standard_errors_).all()
+
+
+def test_falling_times_need_branches():
+    with pytest.raises(ValueError, match="give branches"):
+        HistoryRegressor(branches=0, falling_times=True).fit(*cycles(LAWS[0], rows=20))

@@ -10,6 +10,7 @@ from conftest import SHIPPED
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import (
     Domain,
     ForceSettings,
@@ -189,7 +190,7 @@ def block(plane, counts=6, reach=None):
     if plane == "strain":
         return sheet()
     axis = (np.arange(counts) + 0.5) / counts
-    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice_of(axis, axis, axis)
     return pds.Body(points, np.full(len(points), counts**-3.0), 1.75 / counts, 1 / counts)
 
 

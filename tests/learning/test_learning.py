@@ -8,6 +8,7 @@ import pytest
 from conftest import SHIPPED, needs_torch
 from hypothesis import given
 from hypothesis import strategies as st
+from polynomials import polynomial
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -245,9 +246,7 @@ def test_small_strains_are_learned(law, stretches):
     the range were put on its corners.
     """
     samples = pds.training_samples(law, 2000, stretches)
-    model = pds.surrogate_pipeline(
-        pds.learning.ChebyshevRegressor((8, 4)), features="isochoric"
-    ).fit(samples.X, samples.y)
+    model = polynomial(samples, (8, 4))
     report = pds.evaluate(model, law, stretches, 2000)
     assert max(report[key]["rms"] for key in ("on_surface", "off_surface")) < 1e-4
     assert all(row["rms"] < 1e-4 for row in report["by_strain"])
@@ -269,9 +268,7 @@ def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
 
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.1)
     new = pds.surrogate_pipeline(Failing(2), features="isochoric")
-    again = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(
-        samples.X, samples.y
-    )
+    again = polynomial(samples, 2)
     again.set_params(regressor__regressor__regressor=Failing(2))
     for model in (new, again):
         with pytest.raises(ValueError, match="no"):
@@ -471,9 +468,7 @@ def test_isochoric_features_lose_nothing():
     is a constant of them.
     """
     samples = pds.training_samples(LAW, 1500, random_state=0)
-    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(
-        samples.X, samples.y
-    )
+    model = polynomial(samples, 2)
     fresh = pds.training_samples(LAW, 1500, random_state=1)
     np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
     surrogate = surrogate_of(model, LAW, samples)

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from conftest import LAWS as EXAMPLES
+from polynomials import polynomial
 
 import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings
@@ -188,9 +189,7 @@ def test_laws_that_lock_say_where(law):
 @pytest.mark.parametrize("law", EXAMPLES, ids=lambda law: f"{law.name}-{law.shear_modulus:g}")
 def test_every_law_has_a_surrogate_within_two_thousandths(law):
     samples = pds.training_samples(law, 4000, reachable_stretches(law), random_state=0)
-    model = pds.surrogate_pipeline(
-        pds.learning.ChebyshevRegressor((12, 6)), features="isochoric"
-    ).fit(samples.X, samples.y)
+    model = polynomial(samples, (12, 6))
     report = pds.evaluate(
         surrogate_of(model, law, samples).bond_force, law, reachable_stretches(law), 3000
     )
@@ -266,9 +265,7 @@ def test_thickness_from_the_learned_force(law, precision, random):
     """
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     samples = pds.training_samples(law, 4000, random_state=0)
-    fitted = pds.surrogate_pipeline(
-        pds.learning.ChebyshevRegressor((12, 6)), features="isochoric"
-    ).fit(samples.X, samples.y)
+    fitted = polynomial(samples, (12, 6))
     model = surrogate_of(fitted, law, samples)
     force = model.bind(body, law, ForceSettings(precision=precision))
     assert force.learned_thickness

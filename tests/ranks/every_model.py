@@ -110,7 +110,8 @@ def remembered():
     another, from bonds with histories of their own.
     """
     ranks, found = communicator(), {}
-    memory = Memory((Branch(2.0, 1.0), Branch(0.5, 10.0)), Softening(1.5, 0.01, 0.1))
+    falling = Branch(0.5, 10.0, ((0.05, 10.0), (2.0, 0.1)))
+    memory = Memory((Branch(2.0, 1.0), falling), Softening(1.5, 0.01, 0.1))
     law = NeoHookean(shear_modulus=2.0, memory=memory)
     for plane, d in (("strain", 2), ("stress", 2), ("space", 3)):
         whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)

@@ -9,6 +9,7 @@ from every_model import pulled
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, Round, divided
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import FORCES, ForceSettings, MaterialPart, bind_portions
 from pdsurrogate.forces.interface_fits import SIGHT
 from pdsurrogate.materials import NeoHookean
@@ -58,9 +59,7 @@ def strip(d):
     its left.
     """
     counts, horizon = ((40, 7), 2.15) if d == 2 else ((24, 4, 4), 1.75)
-    points = (
-        np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, d) + 0.5
-    ) * 0.1
+    points = (lattice_of(*map(np.arange, counts)) + 0.5) * 0.1
     points += np.random.default_rng(1).uniform(-0.01, 0.01, points.shape)
     planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),)
     return Body(

@@ -12,6 +12,7 @@ from commands import commanded
 from matplotlib import image
 
 import pdsurrogate as pds
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.materials import plane_strain, plane_stress, solid
 from pdsurrogate.results import measures, vtk
 from pdsurrogate.results.states import deformed_cells
@@ -24,7 +25,7 @@ F3 = np.array([[1.2, 0.1, 0.05], [0.0, 0.95, 0.2], [0.1, -0.05, 0.9]])
 def cube(count=6):
     spacing = 1 / count
     along = (np.arange(count) + 0.5) * spacing
-    points = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice_of(along, along, along)
     return pds.Body(points, np.full(len(points), spacing**3), 1.75 * spacing, spacing)
 
 

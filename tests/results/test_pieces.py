@@ -89,7 +89,7 @@ def test_paraview_s_reader_finds_them(result, written):
     assert grid.n_cells == len(result.body)
     order = np.argsort(grid.cell_data[vtk.NUMBER])
     np.testing.assert_array_equal(
-        grid.cell_data["displacement"][order], result.states[0][1]["displacement"]
+        grid.cell_data["displacement"][order], result.field("displacement", 0)
     )
     assert set(grid.cell_data) - {vtk.NUMBER} >= set(result.states[0][1])
 

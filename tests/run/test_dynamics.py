@@ -245,7 +245,7 @@ def test_one_axis_of_time_for_the_whole_run(torn):
             moment.time,
         )
         np.testing.assert_array_equal(
-            block.cell_data["displacement"], result.states[number][1]["displacement"]
+            block.cell_data["displacement"], result.field("displacement", number)
         )
         stretches.append(moment.stretch)
         damage.append(block.cell_data["damage"].max())
@@ -791,7 +791,7 @@ def test_a_square_pulled_slowly_on_two_sides_comes_to_rest_at_the_exact_displace
     # What is left of the slowest motion, of damping rate 1.25 at least in a time of 10, is below
     # 1e-5.
     np.testing.assert_allclose(
-        result.states[-1][1]["displacement"][:, :2], exact * result.body.points, atol=1e-5 * exact
+        result.field("displacement")[:, :2], exact * result.body.points, atol=1e-5 * exact
     )
 
 

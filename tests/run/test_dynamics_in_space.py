@@ -7,6 +7,7 @@ import pytest
 from bodies import nothing_held
 
 from pdsurrogate.body import Body
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results import measures
@@ -17,7 +18,7 @@ SPACING, LAW = 0.2, NeoHookean(1.0, 20.0)
 def free_block(counts, velocities, viscosity=0.0, damping=0.0, safety=0.7):
     """A block of density 1 that nothing holds, with velocities given at its places."""
     axes = [(np.arange(count) + 0.5) * SPACING for count in counts]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice_of(*axes)
     body = Body(points, np.full(len(points), SPACING**3), 1.75 * SPACING, SPACING)
     force = FORCES["bond-energy"]().bind(body, LAW, ForceSettings(plane="space"))
     integrator = nothing_held(

@@ -138,7 +138,7 @@ def test_a_crack_runs_along_a_weak_interface():
         fracture={"critical_stretch": 3.0},
     )
     result = pds.simulate(layers, "bond-energy")
-    damage, (x1, x2) = result.states[-1][1]["damage"], result.body.points.T
+    damage, (x1, x2) = result.field("damage"), result.body.points.T
     rows = [
         damage[(np.abs(x2 - height) < 1e-6) & (x1 > 1.0)]
         for height in (0.35, 0.45, 0.55, 0.65, 0.25, 0.75)
@@ -338,7 +338,7 @@ def test_relaxed_points_and_solids_of_two_materials_tear(layers):
     torn = pds.simulate(scene(2.0, {"critical_stretch": 1.45}, **layers), "bond-energy")
     (account,), x1 = torn.summary["dynamics"], torn.body.points[:, 0]
     assert abs(account["greatest_energy_gap"]) < 0.5
-    lost = torn.states[-1][1]["damage"] - torn.states[0][1]["damage"]
+    lost = torn.field("damage") - torn.field("damage", 0)
     assert lost[x1 < 0.9].max() > 0.1
     assert lost[x1 > 1.1].max() > 0.1
     alone = pds.Scene.model_validate(

@@ -46,7 +46,7 @@ def errors(result, level, pressure):
     """Of the mean radial displacements of the points nearer to the inner boundary than 0.1, and
     to the outer one, in their own.
     """
-    body, moved = result.body, result.states[level][1]["displacement"]
+    body, moved = result.body, result.field("displacement", level)
     radius = np.linalg.norm(body.points, axis=1)
     found, exact = (moved * body.points).sum(axis=1) / radius, displacement(pressure)(radius)
     layers = radius < INNER + 0.1, radius > OUTER - 0.1

@@ -269,7 +269,7 @@ def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
         ["material.shear_modulus", "stretch"],
     )
     torn = pds.simulate(scene, "bond-energy")
-    torn.states[0][1]["damage"][0] += 0.05  # as if a bond were broken
+    torn.field("damage", 0)[0] += 0.05  # as if a bond were broken
     with pytest.raises(ValueError, match="bonds are broken at output 0"):
         torn.sensitivity(["nominal_stress"], ["stretch"])
 

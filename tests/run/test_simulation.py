@@ -14,6 +14,7 @@ import pytest
 from bodies import build_body
 from commands import invoke
 from conftest import SHIPPED
+from polynomials import polynomial
 from runs import started
 from sklearn.linear_model import LinearRegression
 
@@ -616,9 +617,7 @@ def test_fitted_pipelines_are_taken():
         pds.training_samples(law, 3000, (0.8, 1.5), random_state=0),
         pds.training_samples(law, 500, (0.8, 1.5), target="sheet-energy"),
     )
-    bond = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(
-        samples.X, samples.y
-    )
+    bond = polynomial(samples, 2)
     energy = pds.surrogate_pipeline(
         pds.learning.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy"
     ).fit(energies.X, energies.y)

@@ -151,7 +151,9 @@ def test_a_run_with_memory_resumes_to_the_same_bits(tmp_path, dynamics):
     steps = [{"to": 0.5, "duration": 0.5, "outputs": 2}, {"to": 0.5, "duration": 1.0}]
     if dynamics:
         steps[1] = {"to": 0.6, "outputs": 2, "dynamics": {"duration": 0.5, "density": 0.1}}
-    scene = scene_of(**MOVED | {"steps": steps})
+    falling = {"modulus": 0.5, "times": [[0.05, 2.0], [1.0, 0.05]]}
+    material = {"law": "neo-hookean", "branches": [*BRANCHES, falling]}
+    scene = scene_of(**MOVED | {"steps": steps, "material": material})
     whole = pds.simulate(scene, "bond-energy", folder=tmp_path / "whole")
     with killed_with_levels(2 + dynamics):
         pds.simulate(scene, "bond-energy", folder=tmp_path / "part")

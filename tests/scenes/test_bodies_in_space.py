@@ -9,6 +9,7 @@ from meshes import TETRAHEDRA, write_deck
 from scipy.spatial import cKDTree
 
 from pdsurrogate.discretization import discretize, grip_areas, surface_of
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, Scene, SceneError
 
@@ -529,7 +530,7 @@ def solid_mesh(count=6, jitter=0.2):
     moved at random: nodes and cells.
     """
     axis = np.arange(count + 1) / count
-    nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes = lattice_of(axis, axis, axis)
     moved = ((nodes > 0.01) & (nodes < 0.99)) * np.random.default_rng(0).uniform(
         -jitter / count, jitter / count, nodes.shape
     )

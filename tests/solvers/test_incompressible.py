@@ -8,6 +8,7 @@ from probes import assert_dilatation_is_linearized
 from scipy import sparse
 
 from pdsurrogate.body import Body, ReflectionPlane
+from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import stability
@@ -24,7 +25,7 @@ def block(across, dimension, bulk_modulus, jitter=0.0):
     spacing = 1 / across
     counts = (2 * across, across) if dimension == 2 else (across,) * 3
     axes = [(np.arange(count) + 0.5) * spacing for count in counts]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+    points = lattice_of(*axes)
     points += jitter * spacing * np.random.default_rng(2).uniform(-1, 1, points.shape)
     planes = [
         ReflectionPlane(dimension - 1, place, side, (-1,) * dimension)

@@ -578,6 +578,7 @@ def wait_for(number, folder, process):
         time.sleep(0.02)
 
 
+@pytest.mark.slow  # workers are started
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tmp_path):
     file, folder = tmp_path / "study.toml", tmp_path / "out"
