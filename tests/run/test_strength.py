@@ -6,11 +6,14 @@ import sys
 
 import numpy as np
 import pytest
+import scipy
 from runs import started
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.strength import factor_of, least_trace_of
+from pdsurrogate.run import checkpoints
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.strength import StrongDamage
 
@@ -164,6 +167,22 @@ def test_a_block_in_space_breaks_at_the_strength():
     run = started(block)
     assert len(failing(run, 3.92).pairs) == 0
     assert failing(run, 4.08).by_strength.any()
+
+
+def test_plane_strain_breaks_at_the_same_work():
+    run = started(scene(plane="strain"))
+    work = zone(run).work
+    low, high = (
+        scipy.optimize.brentq(
+            lambda one, part=part: homogeneous.uniaxial(LAW, one, "strain").energy_density - part,
+            1.5,
+            9.0,
+        )
+        for part in (0.96 * work, 1.04 * work)
+    )
+    sides = [homogeneous.uniaxial(LAW, one, "strain").lateral_stretch for one in (low, high)]
+    assert len(failing(run, low, sides[0]).pairs) == 0
+    assert failing(run, high, sides[1]).by_strength.any()
 
 
 def test_equibiaxial_tension_breaks_at_the_same_work():
@@ -343,3 +362,19 @@ def test_a_slow_tear_without_a_cut_begins_in_one_disc_at_the_strength():
     assert crack["through"]
     assert abs(summary["quasi_static"]["greatest_energy_gap"]) < 0.5
     assert summary["strength"][0]["radius_in_spacings"] > 1.5
+
+
+@pytest.mark.slow
+def test_a_killed_tear_by_strength_resumes_to_the_same_bits(tmp_path, monkeypatch):
+    """Fronts, broken bonds and the time of the next search are those of the checkpoint."""
+    dynamics = {"stretch": 4.05, "stretch_rate": 0.1, "density": 1.0, "outputs": 4}
+    short = scene(spacing=0.18, stretches=[3.9], dynamics=dynamics)
+    whole = pds.simulate(short, "bond-energy", threads=1)
+    assert whole.summary["crack"]["start"]["cause"] == "strength"
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
+    with pytest.raises(Killed), while_bonds_break(5):
+        pds.simulate(short, "bond-energy", threads=1, folder=tmp_path)
+    resumed = pds.simulate(short, "bond-energy", threads=1, folder=tmp_path, resume=True)
+    assert resumed.summary["crack"] == whole.summary["crack"]
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
