@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..materials import Branch, Law, Memory, Softening
-from .branch_search import Curves
+from .branch_search import Curves, constant
 from .branch_start import Problem, Start
 from .elastic_part import Elastic
 from .energy import NEGLIGIBLE
@@ -80,30 +80,20 @@ class Form(NamedTuple):
             np.split(values, np.cumsum([len(self.elastic.names), len(self.softening), k, k]))
         )
 
-    def knots(self, powers: np.ndarray) -> np.ndarray | None:
-        """Return the knots of all branches (`Branch.knots`), None for constant times."""
+    def branch(self, modulus: float, time: float, powers: np.ndarray) -> Branch:
+        """Return a branch whose time falls by powers of the overstress, if there are some."""
         if not len(powers):
-            return None
-        changes = np.diff(powers, prepend=0.0, append=0.0)
-        return np.tile(np.stack([self.places, changes]), (self.branches, 1, 1))
+            return Branch(modulus, time)
+        falls = np.r_[0.0, np.cumsum(powers * np.diff(self.places))]
+        times = zip(modulus * np.exp(self.places), time * np.exp(-falls), strict=True)
+        return Branch(modulus, time, tuple((float(one), float(at)) for one, at in times))
 
     def law(self, values: np.ndarray) -> Law:
         """Return the law; raise ValueError for parameters that no law has."""
         elastic, softening, moduli, times, powers = self.parts(values)
         softens = dict(zip(self.softening, softening.tolist(), strict=True))
-        falls = np.exp(
-            np.cumsum(-np.diff(self.places, prepend=self.places[:1]) * np.r_[0.0, powers])
-        )
-        branches = (
-            Branch(modulus, time, tuple(zip(stresses, slower, strict=True)))
-            for modulus, time, stresses, slower in zip(
-                moduli.tolist(),
-                times.tolist(),
-                (moduli[:, None] * np.exp(self.places)).tolist(),
-                (times[:, None] * falls).tolist(),
-                strict=True,
-            )
-        )
+        each = zip(moduli.tolist(), times.tolist(), strict=True)
+        branches = (self.branch(*one, powers) for one in each)
         memory = Memory(tuple(branches), Softening(**softens) if softens else None)
         return replace(self.elastic.law(elastic), memory=memory)
 
@@ -130,7 +120,7 @@ def linear(law: str, problem: Problem, start: Start, times: np.ndarray) -> tuple
     have no share of the stresses, and its parameters.
     """
     elastic, curves, y, root, keys = problem
-    sizes, _ = problem.solved(np.column_stack([start.columns, curves.columns(times)]))
+    sizes, _ = problem.solved(np.column_stack([start.columns, curves.columns(constant(times))]))
     sizes, moduli = np.split(sizes, [elastic.linear])
     shares = np.linalg.norm(root[:, None] * start.columns, axis=0) * sizes
     kept = shares > NEGLIGIBLE * np.linalg.norm(root * y)
@@ -175,10 +165,10 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
     @cache
     def relaxing(*values):
         times, powers = np.split(np.array(values), [k])
-        each = [times, times * np.exp(DIFFERENCE)] + [times] * len(powers)
-        moved = [powers, powers, *powers + DIFFERENCE * np.eye(len(powers))]
-        knots = np.concatenate([form.knots(one) for one in moved]) if len(powers) else None
-        return np.hsplit(curves.columns(np.concatenate(each), knots), len(each))
+        moved = [(times, powers), (times * np.exp(DIFFERENCE), powers)]
+        moved += [(times, one) for one in powers + DIFFERENCE * np.eye(len(powers))]
+        each = [form.branch(1.0, time, some) for ends, some in moved for time in ends.tolist()]
+        return np.hsplit(curves.columns(each), len(moved))
 
     def elastic(values):
         try:
@@ -261,7 +251,7 @@ def falling(curves: Curves, form: Form, values: np.ndarray) -> tuple[Form, np.nd
     """Return the form of a fit whose times fall with the overstress, and its start from a fit of
     constant times.
     """
-    top = curves.greatest_overstress(form.parts(values)[3])
+    top = curves.greatest_overstress(constant(form.parts(values)[3]))
     places = np.log(np.geomspace(top / SPAN, top, EXPONENTS + 1))
     return form._replace(places=places), np.r_[values, np.ones(EXPONENTS)]
 

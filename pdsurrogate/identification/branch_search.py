@@ -7,12 +7,12 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from ..materials import Law, Softening
+from ..materials import Branch, Law, Softening
 from ..materials.histories import branch_states, isochoric, softened
-from ..materials.memory import padded_knots
 from .averaging import nonnegative
 
 PER_DECADE = 4
@@ -75,13 +75,11 @@ class Curves(NamedTuple):
         squares = np.stack([first, second, 1 / (first * second)], axis=-1) ** 2
         return cls(X[at, 2], squares, (place[0], place[1]), at)
 
-    def columns(
-        self, times: Sequence[float] | np.ndarray, knots: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Return the nominal stresses of branches of modulus 1, shape (n_rows, n_times); their
-        times fall with the overstress if they have `knots` (`branch_states`).
+    def columns(self, branches: Sequence[Branch]) -> np.ndarray:
+        """Return the nominal stresses of branches as if their moduli were 1, shape (n_rows,
+        n_branches).
         """
-        states = branch_states(self.time, self.squares, times, knots)[self.place]
+        states = branch_states(self.time, self.squares, branches)[self.place]
         squares = self.squares[self.place]
         slopes = squares[:, None] / states
         return (slopes[..., 0] - slopes[..., 2]) / np.sqrt(squares[:, :1])
@@ -110,13 +108,12 @@ class Curves(NamedTuple):
         moduli = np.array([one.modulus for one in branches])
         energy, stress = self.elastic(law)
         stress = stress * self.softened(law.memory.softening, energy)
-        times = [one.time for one in branches]
-        return stress + self.columns(times, padded_knots(branches)) @ moduli
+        return stress + self.columns(branches) @ moduli
 
-    def greatest_overstress(self, times: np.ndarray) -> float:
-        """Return the greatest overstress of branches of modulus 1 and some times."""
+    def greatest_overstress(self, branches: Sequence[Branch]) -> float:
+        """Return the greatest overstress of branches, as if their moduli were 1."""
         squares = self.squares[..., None, :]
-        ratios = squares / branch_states(self.time, self.squares, times)
+        ratios = squares / branch_states(self.time, self.squares, branches)
         found = ratios.sum(axis=-1) ** 2 / 3 - (1 / ratios).sum(axis=-1)
         return float(np.sqrt(found.max()))
 
@@ -141,6 +138,11 @@ class Curves(NamedTuple):
         longest = float(np.ptp(self.time, axis=0).max())
         decades = np.log10(longest / shortest)
         return np.geomspace(shortest, longest, max(5, round(PER_DECADE * decades) + 1))
+
+
+def constant(times: ArrayLike) -> list[Branch]:
+    """Return branches of modulus 1 and constant times."""
+    return [Branch(1.0, float(time)) for time in np.asarray(times)]
 
 
 class Choice(NamedTuple):

@@ -12,7 +12,7 @@ from ..materials.dictionary import Term
 from ..measurements.branches import branches, records
 from ..measurements.plausible import MOST_STRETCH
 from .averaging import columns_of, isochoric, nonnegative
-from .branch_search import Curves
+from .branch_search import Curves, constant
 from .data import BIAXIAL, MODES, TestData, TestDataWarning
 from .stress_regressor import StressRegressor
 
@@ -435,7 +435,7 @@ def _columns(data: TestData, over_time: bool) -> np.ndarray:
     if not over_time or np.isnan(data.time).any():
         return terms
     curves = Curves.of(data.histories())
-    return np.column_stack([terms, curves.columns(curves.grid())])
+    return np.column_stack([terms, curves.columns(constant(curves.grid()))])
 
 
 def _robust(data: TestData, columns: np.ndarray) -> np.ndarray:

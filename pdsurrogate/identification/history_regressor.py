@@ -16,7 +16,7 @@ from ..forces import OutsideDomainWarning
 from ..materials import Law
 from ..materials.memory import untested_rates
 from .branch_refinement import falling, linear, refine, restart, superfluous
-from .branch_search import Curves, choose
+from .branch_search import Curves, choose, constant
 from .branch_start import Problem, parameters_of_softening, start_of
 from .data import TestData
 from .elastic_part import Elastic, elastic_of_law, elastic_without_law
@@ -225,7 +225,7 @@ class HistoryRegressor(StressRegressor):
         softening = parameters_of_softening(curves) if self.softening else ()
         problem = Problem(self._elastic(X[:, :2]), curves, y, root, softening)
         grid = curves.grid() if self.branches != 0 else np.ones(0)
-        relaxing = curves.columns(grid)
+        relaxing = curves.columns(constant(grid))
         start = start_of(self.law, problem, relaxing)
         parts = ((root * one.T).T for one in (start.columns, relaxing, y))
         times, self.cross_validation_ = choose(*parts, grid, numbers, self.branches)

@@ -6,7 +6,7 @@ A step has the error of the third order of its length, and no step is too long: 
 variables of branches stay positive definite.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..kernels.branches import weights_of_ends
 from ..kernels.softening import softening_factor
 from .law import InvariantLaw, Law, PrincipalStretchLaw
-from .memory import Softening, padded_knots
+from .memory import Branch, Softening, padded_knots
 
 LOGS: dict[str, Callable] = {
     "uniaxial": lambda x, volume: (x, (volume - x) / 2, (volume - x) / 2),
@@ -109,8 +109,7 @@ def stress_history(
     logs = np.stack(LOGS[mode](along, np.zeros_like(along)), axis=1)
     squares = np.exp(2 * logs)
     branches = law.memory.branches
-    times = [branch.time for branch in branches]
-    states = branch_states(time, squares, times, padded_knots(branches))
+    states = branch_states(time, squares, branches)
     energy, slopes = isochoric(law, logs)
     if law.memory.softening is not None:
         peak = np.maximum.accumulate(energy)
@@ -203,9 +202,7 @@ def softened(softening: Softening, energy: np.ndarray, peak: np.ndarray) -> np.n
         return softening_factor(energy, peak, (softening.r, softening.m, softening.beta))[0]
 
 
-def branch_states(
-    time: np.ndarray, squares: np.ndarray, times: ArrayLike, knots: np.ndarray | None = None
-) -> np.ndarray:
+def branch_states(time: np.ndarray, squares: np.ndarray, branches: Sequence[Branch]) -> np.ndarray:
     """Return the principal values of internal variables, from rest, at squares of isochoric
     principal stretches with fixed axes.
 
@@ -214,16 +211,14 @@ def branch_states(
     time : ndarray, shape (n, ...)
         Of one history, or of several side by side.
     squares : ndarray, shape (n, ..., 3)
-    times : array-like, shape (n_branches,)
-        Relaxation times.
-    knots : ndarray, shape (n_branches, 2, n_knots), optional
-        Of times that depend on the overstress, see `pdsurrogate.materials.Branch.knots`.
+    branches : sequence of Branch
 
     Returns
     -------
     ndarray, shape (n, ..., n_branches, 3)
     """
-    times = np.asarray(times, dtype=float)
+    times = np.array([branch.time for branch in branches])
+    knots = padded_knots(branches)
     found = np.ones((*time.shape, len(times), 3))
     steps = np.diff(time, axis=0)[..., None] / times
     squares = squares[..., None, :]

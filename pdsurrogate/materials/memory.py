@@ -109,27 +109,20 @@ class Branch:
         >>> Branch(0.5, 10.0).time_at(0.2)
         10.0
         """
-        hinges = (
-            change * max(0.0, math.log(overstress / self.modulus) - place)
-            for place, change in self.knots()
-        )
-        return self.time * math.exp(-sum(hinges))
+        stresses, times = np.log(self.times or [(1.0, self.time)]).T
+        return float(np.exp(np.interp(np.log(overstress), stresses, times)))
 
-    def knots(self) -> list[tuple[float, float]]:
+    def knots(self) -> np.ndarray:
         """Return the logarithms of the overstresses, divided by the modulus, at which the exponent
-        of the time changes, and by how much it falls; empty for a constant time.
+        of the time changes, and by how much it falls, shape (2, n); empty for a constant time.
         """
         if not self.times:
-            return []
-        exponents = [
-            math.log(slow / fast) / math.log(high / low)
-            for (low, slow), (high, fast) in pairwise(self.times)
-        ]
-        changes = (after - before for before, after in pairwise([0.0, *exponents, 0.0]))
-        return [
-            (math.log(stress / self.modulus), change)
-            for (stress, _), change in zip(self.times, changes, strict=True)
-        ]
+            return np.empty((2, 0))
+        stresses, times = np.log(self.times).T
+        exponents = -np.diff(times) / np.diff(stresses)
+        return np.stack(
+            [stresses - np.log(self.modulus), np.diff(exponents, prepend=0.0, append=0.0)]
+        )
 
     def scaled(self, factor: float, time: float) -> Self:
         """Return the branch with all stresses multiplied by a factor, and all times by another."""
@@ -278,9 +271,9 @@ class Memory:
 def padded_knots(branches: Sequence[Branch]) -> np.ndarray:
     """Return the `Branch.knots` of branches, shape (n_branches, 2, n_knots)."""
     each = [branch.knots() for branch in branches]
-    found = np.zeros((len(each), 2, max(map(len, each), default=0)))
+    found = np.zeros((len(each), 2, max((one.shape[1] for one in each), default=0)))
     for one, knots in zip(found, each, strict=True):
-        one[:, : len(knots)] = np.transpose(knots) if knots else 0.0
+        one[:, : knots.shape[1]] = knots
     return found
 
 

@@ -403,40 +403,50 @@ class Bookkeeping:
         }
 
     def entries(self) -> dict:
-        """Return the entries of the run's summary about the energy account.
-
-        They are the energy supplied, the last and the greatest gap in percent of it, and a
-        `remark`: a warning if the gap exceeds `GAP_WARNED`, a note if the force has no energy, so
-        that no gap can be computed, else None.
-        """
+        """Return the entries of the run's summary about the energy account, see `entries_of`."""
         account = self.account
-        put_in = {"energy_put_in": float(self.account.most_put_in)}
-        if not self.closes:
-            remark = (
-                f"{self.run.model.name} defines no energy, so energy conservation cannot be"
-                " checked, and broken bonds release none"
-            )
-            return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
-        scale = max(account.most_put_in, self._rounding)
-        wide = abs(account.greatest_gap) > GAP_WARNED * scale
-        return put_in | {
-            "energy_gap": float(100 * account.gap / scale),
-            "greatest_energy_gap": float(100 * account.greatest_gap / scale),
-            "remark": f"{self._words_for_gap(account.greatest_gap)}; {MEND_GAP}" if wide else None,
-        }
+        gaps = account.gap, account.greatest_gap
+        return entries_of(self.run, account.most_put_in, *gaps, MEND_GAP, self._rounding)
 
     def check(self) -> None:
         """Raise Diverging if the gap of the energy account is so large that the motion is wrong."""
         account = self.account
         if abs(account.gap) > GAP_FAILED * account.most_put_in + self._rounding:
-            raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")
+            put_in = max(account.most_put_in, self._rounding)
+            words = _words_for_gap(self.run, account.gap, put_in)
+            raise Diverging(f"time {account.time:.4g}: {words}")
 
-    def _words_for_gap(self, gap: float) -> str:
-        put_in = max(self.account.most_put_in, self._rounding)
-        amount = self.run.problem.scene.units.amount(put_in, "energy", ".3g")
-        share = 100 * abs(gap) / put_in
-        what = "created" if gap > 0 else "lost"
-        return (
-            f"the energy balance has an error of {share:.2g} %: {amount} were put in, and"
-            f" {abs(gap):.3g} were {what} numerically"
+
+def entries_of(
+    run: Run, put_in: float, gap: float, greatest_gap: float, advice: str, least: float = 0.0
+) -> dict:
+    """Return the entries of a run's summary about an energy account.
+
+    They are the energy supplied, the last and the greatest gap in percent of it, or of the `least`
+    energy that is no rounding error, and a `remark`: a warning with `advice` if the gap exceeds
+    `GAP_WARNED`, a note if the force has no energy, so that no gap can be computed, else None.
+    """
+    found = {"energy_put_in": float(put_in)}
+    if not run.force.has_energy:
+        remark = (
+            f"{run.model.name} defines no energy, so energy conservation cannot be checked, and"
+            " broken bonds release none"
         )
+        return found | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
+    scale = max(put_in, least) or 1.0
+    wide = abs(greatest_gap) > GAP_WARNED * scale
+    return found | {
+        "energy_gap": float(100 * gap / scale),
+        "greatest_energy_gap": float(100 * greatest_gap / scale),
+        "remark": f"{_words_for_gap(run, greatest_gap, scale)}; {advice}" if wide else None,
+    }
+
+
+def _words_for_gap(run: Run, gap: float, put_in: float) -> str:
+    amount = run.problem.scene.units.amount(put_in, "energy", ".3g")
+    share = 100 * abs(gap) / put_in
+    what = "created" if gap > 0 else "lost"
+    return (
+        f"the energy balance has an error of {share:.2g} %: {amount} were put in, and"
+        f" {abs(gap):.3g} were {what} numerically"
+    )

@@ -16,7 +16,7 @@ from .derivatives import differentiate
 from .lowest_mode import lowest_mode_of
 from .run import Run
 from .standard_errors import standard_errors
-from .tear_account import entries_of
+from .tear_account import tear_entry
 
 
 def _peak(history: list[dict]) -> dict | None:
@@ -112,7 +112,7 @@ def result_of(
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.tear is not None:
-        summary["quasi_static"] = entries_of(run)
+        summary["quasi_static"] = tear_entry(run)
     if state.crack is not None:
         summary |= (
             {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..solvers.increments import Motion
 from ..solvers.reactions import Reactions, support_reactions
-from .account import GAP_WARNED
+from .account import entries_of
 from .run import Run
 
 
@@ -39,6 +39,8 @@ class Totals:
         Equilibria in which bonds broke.
     breaking : bool
         Whether bonds may be overloaded in the last equilibrium, of an avalanche.
+    stored : float
+        Stored energy where the last avalanche began.
     """
 
     work: float = 0.0
@@ -54,6 +56,7 @@ class Totals:
     slope: float = 0.0
     events: int = 0
     breaking: bool = False
+    stored: float = 0.0
 
 
 @dataclass
@@ -66,7 +69,8 @@ class Known:
     positions : ndarray, shape (n, d)
     planes : ndarray, shape (planes,)
         Displacements of planes of symmetry across themselves.
-    reactions : Reactions
+    reactions : Reactions or None
+        None in the midst of an avalanche.
     thickness : ndarray, shape (n,), or None
     energy, dissipated : float
         Stored energy, and energy that the materials have dissipated.
@@ -75,7 +79,7 @@ class Known:
     parameter: float
     positions: np.ndarray
     planes: np.ndarray
-    reactions: Reactions
+    reactions: Reactions | None
     thickness: np.ndarray | None
     energy: float
     dissipated: float
@@ -96,13 +100,13 @@ class TearAccount:
         run.state.tear = vars(self.totals)
         self._known = self._present()
 
-    def _present(self) -> Known:
+    def _present(self, breaking: bool = False) -> Known:
         run = self._run
         return Known(
             run.state.parameter,
             run.positions.copy(),
             run.loads.planes_moved.copy(),
-            support_reactions(run.loading, run.loaded),
+            None if breaking else support_reactions(run.loading, run.loaded),
             run.loaded.thickness(),
             run.strain_energy(),
             sum(run.dissipated_energy().values()),
@@ -160,7 +164,7 @@ class TearAccount:
         """
         totals = self.totals
         old = self._known
-        new = self._known = self._present()
+        new = self._known = self._present(breaking=left is not None)
         work = self._work_of_loads(old, new)
         if left is None or not np.isfinite(left):
             left = old.energy
@@ -208,26 +212,11 @@ class TearAccount:
         }
 
 
-def entries_of(run: Run) -> dict:
-    """Return the entry of the summary about the energy account of a run that tears slowly: the
-    energy supplied, the last and the greatest gap in percent of it, a remark, and the number of
-    equilibria in which bonds broke.
+def tear_entry(run: Run) -> dict:
+    """Return the entry of the summary about the energy account of a run that tears slowly (see
+    `entries_of`), with the number of equilibria in which bonds broke.
     """
     totals = Totals(**(run.state.tear or {}))
-    found = {"energy_put_in": totals.most_put_in, "events": totals.events}
-    if not run.force.has_energy:
-        remark = f"{run.model.name} defines no energy, so energy conservation cannot be checked"
-        return found | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
-    scale = totals.most_put_in or 1.0
-    greatest = totals.greatest_gap / scale
-    remark = (
-        f"the energy balance has an error of {100 * abs(greatest):.2g} %: use more outputs, or"
-        " smaller increments"
-        if abs(greatest) > GAP_WARNED
-        else None
-    )
-    return found | {
-        "energy_gap": 100 * totals.gap / scale,
-        "greatest_energy_gap": 100 * greatest,
-        "remark": remark,
-    }
+    gaps = totals.gap, totals.greatest_gap
+    advice = "use more outputs, or smaller increments"
+    return entries_of(run, totals.most_put_in, *gaps, advice) | {"events": totals.events}

@@ -125,7 +125,6 @@ class Tearing(Equilibria):
         """
         run = self.run
         totals = self._account.totals
-        stored = self._account.energy
         rough = False
         while True:
             failing = run.damage.failing(run.force, alone=True)
@@ -140,6 +139,7 @@ class Tearing(Equilibria):
             if not totals.breaking:
                 self._row()
                 totals.breaking = True
+                totals.stored = self._account.energy
                 totals.events += 1
             else:
                 self._pause()
@@ -149,7 +149,7 @@ class Tearing(Equilibria):
             totals.breaking = False
             totals.load = run.damage.greatest_load(run.force)
             run.earlier = None
-            hangs = self._account.energy > STRANDS * stored
+            hangs = self._account.energy > STRANDS * totals.stored
             self.through = self.through or not hangs or self._cracks.separated()
             run.note(run.state.parameter, reason=f"{run.state.crack['broken_bonds']} bonds broken")
             if not (self.through or run.state.parameter == self._stop):  # where an output follows

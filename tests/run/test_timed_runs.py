@@ -11,6 +11,7 @@ from stopping import killed_with_levels
 import pdsurrogate as pds
 
 BRANCHES = [{"modulus": 1.0, "time": 1.0}]
+FALLING = {"modulus": 0.5, "times": [[0.05, 2.0], [1.0, 0.05]]}
 STRIP = {
     "name": "strip",
     "spacing": 0.25,
@@ -88,7 +89,8 @@ def test_times_that_fall_with_the_overstress_settle_in_every_increment(plane, mo
 def test_work_is_stored_or_dissipated():
     """The work follows from forces and stretches of the results, by the trapezoidal rule."""
     softening = {"r": 1.5, "m": 0.05, "beta": 0.1}
-    material = {"law": "neo-hookean", "branches": BRANCHES, "softening": softening}
+    branches = [*BRANCHES, FALLING]
+    material = {"law": "neo-hookean", "branches": branches, "softening": softening}
     times, values = divided([0.0, 0.5, 0.7, 1.2], [1.0, 1.5, 1.2, 1.4], 24)
     result = pds.simulate(scene_of(material=material, times=times, stretches=values), "bond-energy")
     rows = result.history
@@ -151,8 +153,7 @@ def test_a_run_with_memory_resumes_to_the_same_bits(tmp_path, dynamics):
     steps = [{"to": 0.5, "duration": 0.5, "outputs": 2}, {"to": 0.5, "duration": 1.0}]
     if dynamics:
         steps[1] = {"to": 0.6, "outputs": 2, "dynamics": {"duration": 0.5, "density": 0.1}}
-    falling = {"modulus": 0.5, "times": [[0.05, 2.0], [1.0, 0.05]]}
-    material = {"law": "neo-hookean", "branches": [*BRANCHES, falling]}
+    material = {"law": "neo-hookean", "branches": [*BRANCHES, FALLING]}
     scene = scene_of(**MOVED | {"steps": steps, "material": material})
     whole = pds.simulate(scene, "bond-energy", folder=tmp_path / "whole")
     with killed_with_levels(2 + dynamics):
