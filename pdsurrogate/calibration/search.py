@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -77,8 +78,7 @@ class Search:
 
     def forget(self) -> None:
         """Delete what is known of laws with other unknowns or other maps of images."""
-        self.known: dict[bytes, np.ndarray] = {}
-        self.differentiated: dict[bytes, np.ndarray] = {}
+        self.known: dict[bytes, tuple[np.ndarray, np.ndarray | None]] = {}
 
     def law_at(self, x: np.ndarray) -> Law:
         return self.model.unknown_.law_of(self.space.parameters(x))
@@ -87,10 +87,7 @@ class Search:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene
         has no equilibrium.
         """
-        key = x.tobytes()
-        if key not in self.known:
-            self.known[key] = self._differentiated(x, [])[0]
-        return self.known[key]
+        return self._known(x)[0]
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         try:
@@ -99,14 +96,7 @@ class Search:
             return np.full(len(self.y), np.inf)  # the search then turns back
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        key = x.tobytes()
-        if key not in self.differentiated:
-            names, chain = self.numbers(x)
-            self.known[key], derivatives = self._differentiated(x, names)
-            self.differentiated[key] = derivatives @ chain
-            for test, _ in self.tests:
-                test.chain(chain)
-        return self.root[:, None] * self.differentiated[key]
+        return self.root[:, None] * self._known(x, True)[1]
 
     def numbers(self, x: np.ndarray) -> tuple[list[str], np.ndarray]:
         """Return the names of the numbers of the law, and their derivatives by the variables."""
@@ -119,13 +109,20 @@ class Search:
             chain[:, 0] = 0.0
         return [f"material.{name}" for name in numbers], chain
 
-    def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    def _known(self, x: np.ndarray, slopes: bool = False) -> tuple[np.ndarray, Any]:
+        """Return the measurements at the search variables, and with `slopes` their derivatives."""
+        found = self.known.get(x.tobytes())
+        if found is not None and not (slopes and found[1] is None):
+            return found
         law = self.law_at(x)
+        names, chain = self.numbers(x) if slopes else ([], None)
         values = np.empty(len(self.y))
         derivatives = np.empty((len(self.y), len(names)))
         for test, here in self.tests:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
+            if slopes:
+                test.chain(chain)
         squares = ((self.root * (values - self.y)) ** 2).sum()
         logger.info(
             "%d equilibria, sum of squared residuals %.4g for %d measurements",
@@ -134,7 +131,8 @@ class Search:
             len(values),
         )
         event("calibrating", 0, 1, equilibria=self.count, sum_of_squared_residuals=squares)
-        return values, derivatives
+        self.known[x.tobytes()] = found = values, derivatives @ chain if slopes else None
+        return found
 
 
 def errors_of(jacobian: np.ndarray) -> np.ndarray:

@@ -240,13 +240,10 @@ class Memory:
         >>> Memory((Branch(0.4, 2.0),)).with_numbers({"branches.0.time": 3.0}).branches
         (Branch(modulus=0.4, time=3.0, times=()),)
         """
-        numbers = self.numbers() | values
         parts = {
             part: replace(
                 one,
-                **{
-                    name: numbers[key] for name in vars(one) if (key := f"{part}.{name}") in numbers
-                },
+                **{name: values[key] for name in vars(one) if (key := f"{part}.{name}") in values},
             )
             for part, one in self._parts().items()
         }

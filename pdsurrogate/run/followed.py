@@ -63,15 +63,14 @@ class FollowedRun(Run):
         NoEquilibrium, InvalidState
             If an increment has no equilibrium, or its tangent is nearly singular.
         """
-        before = 0
+        before = np.cumsum([0, *(stage.outputs for stage in self.stages)])[:-1]
+        self.stages = self.stages[: np.count_nonzero(before <= last)]  # no dynamics follow
         for stage in self.stages:
-            wrong = stage.control or stage.inertia
-            if wrong and before <= last:
+            if stage.control or stage.inertia:
                 raise ValueError(
                     f"{stage.key}: with branches or softening there are no derivatives through a"
                     " step in dynamics, or with the key control"
                 )
-            before += stage.outputs
         self._asked = outputs, parameters, last
         self._at_outputs = measuring(self.here)
         self._found: dict[int, Jacobian] = {}

@@ -7,6 +7,8 @@ from memory_references import Rubber
 import pdsurrogate as pds
 from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.histories import stress_history
+from pdsurrogate.problem.materials import checked_models
+from pdsurrogate.run.followed import FollowedRun
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 SOFT = {"r": 1.5, "m": 0.1, "beta": 0.1}
@@ -39,8 +41,10 @@ TORN = {
         },
     ],
     "steps": [{"to": 2.0, "duration": 1.0, "outputs": 3}],
+    "fracture": {"critical_stretch": 3.0},
     "probes": [{"name": "rim", "at": [0.8, 0.9]}],
 }
+CONSTANT = {"modulus": 1.0, "time": 1.0}
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
 
 
@@ -122,16 +126,33 @@ def test_derivatives_of_a_body_with_a_hole_are_those_of_converged_runs():
 
 
 @pytest.mark.parametrize(
-    ("changes", "parameter", "words"),
+    ("branch", "parameter", "words"),
     [
-        ({}, "stretch", "stretch changes with time, and with branches or softening"),
-        ({}, "material.branches.1.time", "there is no number 'material.branches.1.time'"),
+        (
+            {"modulus": 1.0, "times": [[0.1, 1.0], [1.0, 0.1]]},
+            "material.shear_modulus",
+            "depend on the overstress have no derivatives",
+        ),
+        (CONSTANT, "stretch", "stretch changes with time, and with branches or softening"),
+        (CONSTANT, "material.branches.1.time", "there is no number 'material.branches.1.time'"),
     ],
 )
-def test_what_has_no_derivative_is_refused(changes, parameter, words):
-    result = pds.simulate(scene_of([{"modulus": 1.0, "time": 1.0}], **changes), "bond-energy")
+def test_what_has_no_derivative_is_refused(branch, parameter, words):
+    result = pds.simulate(scene_of([branch]), "bond-energy")
     with pytest.raises(ValueError, match=words):
         result.sensitivity(["nominal_stress"], [parameter])
+
+
+def test_steps_in_dynamics_have_no_derivatives():
+    moving = {"density": 1.0, "duration": 1.0}
+    steps = [{"to": 0.5, "duration": 1.0}, {"to": 1.0, "dynamics": moving}]
+    scene = scene_of([{"modulus": 1.0, "time": 1.0}], **{**TORN, "steps": steps})
+    run = FollowedRun(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    with pytest.raises(
+        ValueError, match=r"steps\.1\.dynamics: with branches or softening there are"
+    ):
+        run.follow(["forces.right.0"], ["material.shear_modulus"], 1)
+    assert len(run.follow([], [], 0)) == 1
 
 
 @pytest.mark.slow
