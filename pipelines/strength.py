@@ -95,7 +95,7 @@ def torn(length, spacing, start, side, **changes):
 
 def cut(length, spacing, start):
     """An edge cut: stretch at the peak of the load, and what broke the first bond."""
-    found = torn(length, spacing, start, 10 * max(length, 0.5))
+    found = torn(length, spacing, start, 10 * max(length, 0.3))
     crack = found["crack"]
     gap = found["quasi_static"]["greatest_energy_gap"]
     peak = crack["start"]["cause"], crack["peak"]["stretch"]

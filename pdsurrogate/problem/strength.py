@@ -12,7 +12,7 @@ import scipy
 
 from ..body import Body
 from ..discretization import contained
-from ..materials import Law, homogeneous
+from ..materials import PLANES, Law, homogeneous
 from ..materials.tearing import stretch_at
 from ..scenes import Scene
 from ..scenes.loading_checks import names_of_materials
@@ -33,6 +33,11 @@ SHARES = (0.0, 0.04, 0.147, 0.342, 0.538, 0.733, 0.822, 0.911, 0.947, 1.0)
 """Share of the way from the factor of small strains to that of large ones, 1, by stretch at break,
 from finite elements of a long cut in an incompressible neo-Hookean sheet
 (`pipelines/strength_factors.py`).
+"""
+
+TRACE_STEP, SAMPLES = 1.02, 9
+"""Ratio of the traces of C at which energies are compared with the work at break, and number of
+area ratios at each. Chosen: the bound needs no precision, and no energy has several maxima there.
 """
 
 REPORTED = ("stretch", "uniaxial", "work", "length", "factor", "radius")
@@ -66,9 +71,8 @@ class Zone:
     of_points : bool
         Whether the energies of points are divided by the works of their own materials, and not by
         that of the zone: within a material.
-    least : float or ndarray, shape (n,)
-        Share of the work that must be reached in the disc around a point: 1 unless strengths are
-        random.
+    least : ndarray, shape (n,), optional
+        Share of the work that must be reached in the disc around a point, of random strengths.
     """
 
     name: str
@@ -82,7 +86,11 @@ class Zone:
     centers: np.ndarray
     pairs: np.ndarray
     of_points: bool
-    least: float | np.ndarray = 1.0
+    least: np.ndarray | None = None
+
+    def least_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the shares of the work that must be reached in the discs around points."""
+        return np.ones(len(points)) if self.least is None else self.least[points]
 
 
 class Strengths:
@@ -102,6 +110,9 @@ class Strengths:
     zones : list of Zone
     works : ndarray, shape (n,)
         Work at break of every point's own material, infinite where it has no strength.
+    least_trace : float
+        Least tr C of a state of a sheet under plane stress that is not pressed together, det F >=
+        1, and has the work at break of a zone.
     inside : callable
         ``inside(places)`` returns flags of the places (k, d) that lie in the body.
     summary : list of dict
@@ -168,6 +179,15 @@ class Strengths:
                 except ValueError as error:
                     raise ValueError(f"{key}.strength.scatter: {error}") from None
                 self.zones[-1] = replace(zone, least=least / zone.work)
+        self.least_trace = (
+            min(
+                least_trace_of(law, zone.work * zone.least_at(np.arange(len(body))).min(initial=1))
+                for law in laws
+                for zone in self.zones
+            )
+            if scene.plane == "stress"
+            else 0.0
+        )
         self.summary = [
             {
                 "of": zone.name,
@@ -251,6 +271,24 @@ def factor_of(law: Law, stretch: float, plane: str) -> float:
     small = (2 * kappa - 1) / (2 * kappa + 2)
     share = np.interp(-1 / stretch, -1 / np.array(STRETCHES), SHARES)
     return float(small + (1 - small) * share)
+
+
+def least_trace_of(law: Law, work: float) -> float:
+    """Return a lower bound of tr C of the states of a sheet under plane stress with det F >= 1
+    whose energy density is `work`, within 2 %.
+    """
+    trace = 2.0
+    with np.errstate(all="ignore"):  # of states beyond the limit of the law
+        while True:
+            J = np.linspace(1.0, TRACE_STEP * trace / 2, SAMPLES)
+            half = TRACE_STEP * trace / 2
+            root = np.sqrt(np.maximum(half**2 - J**2, 0.0))
+            F = np.sqrt(np.stack([half + root, half - root], axis=1))[:, :, None] * np.eye(2)
+            if not PLANES["stress"].has_state(law, F).all():
+                return trace
+            if PLANES["stress"].energy_density(law, F).max() >= work:
+                return trace
+            trace *= TRACE_STEP
 
 
 def clamped_distances(body: Body, loading: Loading) -> np.ndarray:

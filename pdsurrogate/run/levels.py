@@ -399,11 +399,16 @@ class Equilibria:
 
         drive = self._path.least_drive(target)
         taken = 0
+        # Branches settle as well at the tolerance of intermediate states.
+        rough = any(term.settles for term in run.force.terms)
         for _ in range(MOST_ROUNDS):
-            found = self._path.solver.solve(run.loaded, run.positions, tolerance, report, drive)
+            within = max(tolerance, FINE) if rough else tolerance
+            found = self._path.solver.solve(run.loaded, run.positions, within, report, drive)
             taken += found.evaluations
             if not settle(run.force, run.positions):
-                return replace(found, evaluations=taken)
+                if within == tolerance:
+                    return replace(found, evaluations=taken)
+                rough = False
         raise NoEquilibrium("branches do not settle: their relaxation times depend on the state")
 
     def _stop_on_request(self) -> None:

@@ -10,7 +10,7 @@ from .account import STEPS_PER_ROW, Account
 from .cracks import Cracks
 from .run import Run
 
-PAUSE = 0.1
+PAUSE = 0.25
 """Time between two searches for bonds that break by strength, over the time in which a shear wave
 crosses the radius of a disc; while such bonds break every step searches. Chosen: the mean over a
 disc then changes by a few percent at most, and the searches cost a tenth of the evaluations.

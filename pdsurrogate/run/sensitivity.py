@@ -318,9 +318,9 @@ class Differentiated:
         else:
             for number, name in enumerate(parameters):
                 change = self._change(name, (), along if name == self.control else None)
-                along, moved[number], errors[:, number] = self._forward(equations, change, names)
-                derivatives[:, number] = along.measured
-                history[name] = along.history
+                found, moved[number], errors[:, number] = self._forward(equations, change, names)
+                derivatives[:, number] = found.measured
+                history[name] = found.history
         values = np.array([measured[name] for name in names])
         displacements = positions - system.body.points
         return Jacobian(tuple(names), values, derivatives, displacements, moved, errors, history)
@@ -470,7 +470,7 @@ class Differentiated:
         """
         with self._remembering(self.system.force):
             forces = _forces(self.system, positions)[1]
-            self._accepted()
+            self.accepted()
             return self._read(), forces
 
     @contextmanager
@@ -492,7 +492,7 @@ class Differentiated:
         finally:
             _remember(own, begin, elapsed)
 
-    def _accepted(self) -> np.ndarray:
+    def accepted(self) -> np.ndarray:
         """Add the state last evaluated to the history, and return this, flat; empty for a body
         that does not remember.
         """
@@ -552,7 +552,7 @@ class Differentiated:
                 )
                 sizes.append(float(np.linalg.norm(forces)))
                 pushed = loads.pushed(positions, loads.pushes)
-                history = side._accepted()
+                history = side.accepted()
                 found = positions, forces, pushed, side.values_of(names), history
                 return np.concatenate([each.ravel() for each in found])
 

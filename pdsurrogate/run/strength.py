@@ -3,7 +3,8 @@ section 32.
 """
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import scipy
@@ -13,6 +14,7 @@ from ..body.body import lengths_of
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import entries_of
 from ..materials import PLANES
+from ..materials.states import invariants
 from ..problem.strength import Strengths, Zone
 from .damage import Damage, Failing
 
@@ -93,12 +95,13 @@ class StrongDamage(Damage):
 
     def greatest_load(self, force: InternalForce) -> float:
         load = super().greatest_load(force)
-        energy = self._energies(force)
+        ratio_of = self._ratio_of(force)
         for zone in self._strengths.zones:
-            ratios = self._ratios(zone, energy)
-            value = 0.95 * self.body.share.greatest(float((ratios / zone.least).max(initial=0.0)))
+            points = self._own[zone.centers[self._own]]
+            ratios = ratio_of(zone, points) / zone.least_at(points)
+            value = 0.95 * self.body.share.greatest(float(ratios.max(initial=0.0)))
             for _ in range(2):  # no value is greater than the ratio of the point
-                found = self._discs(zone, ratios, value)
+                found = self._discs(zone, points[ratios >= value], ratio_of)
                 value = next(found, (0.0, None))[0]
             load = max(load, float(np.sqrt(value)))
         return load
@@ -113,10 +116,13 @@ class StrongDamage(Damage):
         disc of the greatest load alone.
         """
         found = list[tuple[float, Zone, np.ndarray]]()
-        energy = self._energies(force)
+        ratio_of = self._ratio_of(force)
+        may_break = self._may_break(force)
         for zone in self._strengths.zones:
             apart = np.empty((0, self.body.dimension))
-            for value, center in self._discs(zone, self._ratios(zone, energy), 1.0):
+            points = may_break[zone.centers[may_break]]
+            points = points[ratio_of(zone, points) >= zone.least_at(points)]
+            for value, center in self._discs(zone, points, ratio_of):
                 if value < 1 or (alone and len(apart)):
                     break
                 if (lengths_of(apart - center) >= 2 * zone.radius).all():
@@ -130,49 +136,59 @@ class StrongDamage(Damage):
         numbers, first = np.unique(pairs, return_index=True)
         return numbers, loads[first]
 
-    def _energies(self, force: InternalForce) -> np.ndarray:
-        """Return the energy densities of the points by their laws, from their intact bonds, shape
-        (n,); 0 if a point that has lost bonds has no state, which breaks its others.
+    def _may_break(self, force: InternalForce) -> np.ndarray:
+        """Return the own points whose energy may reach the work at break: of a sheet under plane
+        stress those that are pressed together, or at which tr C is great enough.
         """
-        found = np.zeros(len(self.body))
+        if force.plane != "stress":
+            return self._own
+        trace, J = invariants(force.deformation_gradients()[self._own])
+        return self._own[(trace >= self._strengths.least_trace) | ~(J >= 1)]
+
+    def _ratio_of(self, force: InternalForce) -> Callable[[Zone, np.ndarray], np.ndarray]:
+        """Return a function of a zone and points that gives the energy densities of the points by
+        their laws, from their intact bonds, over their works at break.
+
+        They are 0 if a point that has lost bonds has no state, which breaks its others.
+        """
         F = force.deformation_gradients()
         try:
             J3 = force.volume_ratios()
         except InvalidState:
-            return found
-        with np.errstate(all="ignore"):  # of points that have lost bonds
-            for law, points in force.laws:
-                found[points] = PLANES[force.plane].energy_at(law, F[points], J3[points])
-        return np.nan_to_num(found, posinf=0.0)
+            return lambda zone, points: np.zeros(len(points))
 
-    def _ratios(self, zone: Zone, energy: np.ndarray) -> np.ndarray:
-        """Return energies over works at break, shape (n,), of points at which discs of a zone may
-        be centered; 0 at others.
-        """
-        works = self._strengths.works if zone.of_points else zone.work
-        return energy / works
+        def ratio_of(zone: Zone, points: np.ndarray) -> np.ndarray:
+            found = np.zeros(len(points))
+            with np.errstate(all="ignore"):  # of points that have lost bonds
+                for number, (law, _) in enumerate(force.laws):
+                    of_law = np.ones(len(points), dtype=bool)
+                    if force.portion_of is not None:
+                        of_law = force.portion_of[points] == number
+                    at = points[of_law]
+                    found[of_law] = PLANES[force.plane].energy_at(law, F[at], J3[at])
+            works = self._strengths.works[points] if zone.of_points else zone.work
+            return np.nan_to_num(found, posinf=0.0) / works
+
+        return ratio_of
 
     def _discs(
-        self, zone: Zone, ratios: np.ndarray, least: float
+        self, zone: Zone, points: np.ndarray, ratio_of: Callable[[Zone, np.ndarray], np.ndarray]
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield the values of the discs of a zone and their centers, shape (d,), the greatest
-        first: the mean over the hull, or the ratio of the point if that is smaller, over the share
-        of the work at break that is needed there.
-
-        They are centered at the points at which this ratio is `least` or more.
+        """Yield the values of the discs of a zone around given own points and their centers, shape
+        (d,), the greatest first: the mean over the hull, or the ratio of the point if that is
+        smaller, over the share of the work at break that is needed there.
         """
         body = self.body
         share = body.share
-        by_own = ratios / zone.least
-        hot = np.flatnonzero(zone.centers & share.own & (by_own >= least))
-        if not share.any(len(hot) > 0):
+        if not share.any(len(points) > 0):
             return
-        strengths = np.broadcast_to(zone.least, len(body))
-        numbers, centers, own, strengths = (
+        least = zone.least_at(points)
+        by_own = ratio_of(zone, points) / least
+        numbers, centers, own, least = (
             np.concatenate(share.everywhere(rows))
-            for rows in (share.numbers[hot], body.points[hot], by_own[hot], strengths[hot])
+            for rows in (share.numbers[points], body.points[points], by_own, least)
         )
-        means = self.means(zone, centers, ratios) / strengths
+        means = self.means(zone, centers, partial(ratio_of, zone)) / least
         # The part in the hull, which takes time, is found once it decides.
         waiting = [
             (-min(one), number, index, False)
@@ -195,9 +211,11 @@ class StrongDamage(Damage):
             found += [2 * plane.mirrored(each)[0] - each for each in found]
         return found
 
-    def means(self, zone: Zone, centers: np.ndarray, ratios: np.ndarray) -> np.ndarray:
-        """Return the means of the points' `ratios` (n,) over the intact part of the discs around
-        `centers` (k, d), shape (k,).
+    def means(
+        self, zone: Zone, centers: np.ndarray, ratio_of: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        """Return the means of `ratio_of`, a function of the numbers of points, over the intact part
+        of the discs around `centers` (k, d), shape (k,).
         """
         body = self.body
         rim = body.spacing / 2
@@ -218,7 +236,7 @@ class StrongDamage(Damage):
             volumes *= np.isfinite(self._strengths.works[every])
         weight = part * volumes[place]
         number = body.share.numbers[member]
-        value = weight * ratios[member]
+        value = weight * ratio_of(every)[place]
         disc, number, weight, value = (
             np.concatenate(body.share.everywhere(rows)) for rows in (disc, number, weight, value)
         )

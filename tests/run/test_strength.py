@@ -6,11 +6,14 @@ import sys
 
 import numpy as np
 import pytest
+import scipy
 from runs import started
+from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem.strength import factor_of
+from pdsurrogate.problem.strength import factor_of, least_trace_of
+from pdsurrogate.run import checkpoints
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.strength import StrongDamage
 
@@ -80,6 +83,13 @@ def test_the_factor_has_the_limits_of_theory():
     np.testing.assert_allclose(factor_of(stiff, 1e9, "space"), 1, rtol=1e-5)
 
 
+def test_no_state_that_is_not_pressed_has_the_work_at_a_smaller_trace():
+    """tr C = 2 W / mu + 2 in simple shear of an incompressible neo-Hookean sheet, the least one."""
+    stiff = pds.materials.NeoHookean(1.0, 1e4)
+    np.testing.assert_allclose(least_trace_of(stiff, 6.0), 14.0, rtol=0.021)
+    assert least_trace_of(stiff, 6.0) <= 14.0
+
+
 def test_means_over_discs_are_those_of_the_field():
     """The mean of x1 is x1 of the center, that of the squared distance R^2/2; a disc that an edge
     cuts has the mean over its half.
@@ -92,7 +102,7 @@ def test_means_over_discs_are_those_of_the_field():
         [np.square(points - place).sum(axis=1).argmin() for place in ([0.6, 0.7], [1.2, 0.7])]
     ]
     R = within.radius
-    inner, edge = damage.means(within, centers, points[:, 0])
+    inner, edge = damage.means(within, centers, points[:, 0].take)
     np.testing.assert_allclose(inner, centers[0, 0], atol=1e-12)
     depth = 1.2 - centers[1, 0]
     angle = np.arccos(depth / R)
@@ -101,7 +111,7 @@ def test_means_over_discs_are_those_of_the_field():
         edge, centers[1, 0] - 2 / 3 * (R * np.sin(angle)) ** 3 / area, rtol=1e-3
     )
     squares = np.square(points - centers[0]).sum(axis=1)
-    np.testing.assert_allclose(damage.means(within, centers[:1], squares), R**2 / 2, rtol=0.02)
+    np.testing.assert_allclose(damage.means(within, centers[:1], squares.take), R**2 / 2, rtol=0.02)
 
 
 def test_holes_count_as_empty_and_edges_do_not():
@@ -157,6 +167,22 @@ def test_a_block_in_space_breaks_at_the_strength():
     run = started(block)
     assert len(failing(run, 3.92).pairs) == 0
     assert failing(run, 4.08).by_strength.any()
+
+
+def test_plane_strain_breaks_at_the_same_work():
+    run = started(scene(plane="strain"))
+    work = zone(run).work
+    low, high = (
+        scipy.optimize.brentq(
+            lambda one, part=part: homogeneous.uniaxial(LAW, one, "strain").energy_density - part,
+            1.5,
+            9.0,
+        )
+        for part in (0.96 * work, 1.04 * work)
+    )
+    sides = [homogeneous.uniaxial(LAW, one, "strain").lateral_stretch for one in (low, high)]
+    assert len(failing(run, low, sides[0]).pairs) == 0
+    assert failing(run, high, sides[1]).by_strength.any()
 
 
 def test_equibiaxial_tension_breaks_at_the_same_work():
@@ -289,10 +315,9 @@ def test_discs_beside_a_plane_of_symmetry_continue_beyond_it():
     half = of_steps([0.6, 1.4], [0.0, 0.0])
     place = np.array([[0.05, 0.75]])
     means = [
-        run.damage.means(
-            zone(run), place, np.cosh(run.body.points @ [3.0, 0.0]) + run.body.points[:, 1]
-        )
+        run.damage.means(zone(run), place, (np.cosh(3 * points[:, 0]) + points[:, 1]).take)
         for run in (whole, half)
+        for points in [run.body.points]
     ]
     np.testing.assert_allclose(*means, rtol=1e-12)
     assert half.damage.share_in_hull(zone(half), 0, place[0]) == 1
@@ -311,12 +336,12 @@ def test_discs_beside_a_plane_of_symmetry_continue_beyond_it():
 
 
 def test_a_scene_without_strength_does_not_load_it(monkeypatch):
-    for name in ("pdsurrogate.run.strength", "pdsurrogate.problem.strength"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in ("run.strength", "problem.strength", "problem.random_strength"):
+        monkeypatch.delitem(sys.modules, f"pdsurrogate.{name}", raising=False)
     run = started(scene(fracture={"energy": WORK}))
     assert run.problem.strengths is None
     assert not any(
-        name.endswith(".strength") and ".scenes." not in name
+        name.endswith("strength") and ".scenes." not in name
         for name in sys.modules
         if name.startswith("pdsurrogate.")
     )
@@ -337,3 +362,19 @@ def test_a_slow_tear_without_a_cut_begins_in_one_disc_at_the_strength():
     assert crack["through"]
     assert abs(summary["quasi_static"]["greatest_energy_gap"]) < 0.5
     assert summary["strength"][0]["radius_in_spacings"] > 1.5
+
+
+@pytest.mark.slow
+def test_a_killed_tear_by_strength_resumes_to_the_same_bits(tmp_path, monkeypatch):
+    """Fronts, broken bonds and the time of the next search are those of the checkpoint."""
+    dynamics = {"stretch": 4.05, "stretch_rate": 0.1, "density": 1.0, "outputs": 4}
+    short = scene(spacing=0.18, stretches=[3.9], dynamics=dynamics)
+    whole = pds.simulate(short, "bond-energy", threads=1)
+    assert whole.summary["crack"]["start"]["cause"] == "strength"
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
+    with pytest.raises(Killed), while_bonds_break(5):
+        pds.simulate(short, "bond-energy", threads=1, folder=tmp_path)
+    resumed = pds.simulate(short, "bond-energy", threads=1, folder=tmp_path, resume=True)
+    assert resumed.summary["crack"] == whole.summary["crack"]
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
