@@ -55,6 +55,18 @@ def test_a_break_that_is_said_needs_no_drop_of_the_load(tmp_path, above, columns
     assert not read(written(tmp_path / "1.csv", *curve(3.0, drop=False))).at_break
 
 
+@pytest.mark.parametrize(("mode", "directions"), [("equibiaxial", 2), ("pure-shear", 1)])
+def test_the_work_at_break_is_that_in_all_directions(tmp_path, mode, directions):
+    """Strain energy density of neo-Hookean rubber; held directions do no work."""
+    stretch = np.linspace(1, 3, 401)
+    power = {2: 5, 1: 3}[directions]
+    stress = np.append(0.6 * (stretch - stretch**-power), 0.0)
+    path = written(tmp_path / "0.csv", np.append(stretch, 3.02), stress)
+    tests = read_tests(path, mode=mode, gauge_length="25 mm", area="12 mm2")
+    energy = {2: 0.3 * (2 * 3**2 + 3**-4 - 3), 1: 0.3 * (3**2 + 3**-2 - 2)}[directions]
+    assert tests.at_break[mode]["work"][0] == pytest.approx(energy, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("above", "stated", "why"),
     [
