@@ -373,8 +373,8 @@ class Differentiated:
             idle = idle + 1 if ratio > IDLE else 0
             if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
                 break
-        # what rounding of bond strains moves a body by is no sign of a singular tangent: a parameter
-        # may have no effect
+        # what rounding of bond strains moves a body by is no sign of a singular tangent: the
+        # parameter may have no effect
         rounded = self.rounded * float(np.ptp(self.system.body.points, axis=0).max())
         if share > SINGULAR and off * along.step > rounded:
             raise NotConverged(
