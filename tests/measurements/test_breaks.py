@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pdsurrogate.measurements import read_tests
-from pdsurrogate.measurements.breaks import weibull_modulus
+from pdsurrogate.measurements.breaks import WORDS, weibull_modulus
+from pdsurrogate.measurements.quantities import found_in
 
 STRETCH = np.linspace(1, 3, 81)
 
@@ -82,6 +83,41 @@ def test_what_is_said_to_be_no_strength_is_none(tmp_path, above, stated, why):
     assert not tests.at_break
     assert tests.specimens[0].chosen.sum() == 81  # the rows before are good
     assert why in " ".join(tests.assumed)
+
+
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        ("not at the jaw", "yes"),
+        ("Between the grips", "yes"),
+        ("nicht an der Klemme", "yes"),
+        ("no jaw break", "yes"),
+        ("no", "no"),
+        ("did not break, slipped out of the grips", "grips"),
+        ("jaw no. 2", "grips"),
+    ],
+)
+def test_places_that_are_not_at_the_grips_are_none(said, kind):
+    assert found_in(WORDS, said) == kind
+
+
+def test_where_a_specimen_broke_is_not_said_of_the_next_one(tmp_path):
+    """Sizes that are stated once are those of all."""
+    entries = ["Width,6,mm\nThickness,2,mm\nFailure location,jaw\n", "", "Broke,yes\n", ""]
+    tables = []
+    for number, above in enumerate(entries):
+        stretch, stress = curve(2.6 + 0.1 * number)
+        rows = zip((stretch - 1) * 25, stress * 12, strict=True)
+        table = "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
+        heads = "Extension,Load\n(mm),(N)\n"
+        tables.append(f"Specimen label,T{number}\n{above}\n{heads}{table}\n")
+    path = tmp_path / "0.csv"
+    path.write_text("".join(tables))
+    tests = read_tests(path, mode="uniaxial", gauge_length="25 mm")
+    assert [one.at_break.no_strength for one in tests.specimens] == [
+        "it broke at the grips",
+        *[None] * 3,
+    ]
 
 
 def test_a_specimen_that_slips_has_no_strength(tmp_path):
