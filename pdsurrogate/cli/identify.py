@@ -205,7 +205,7 @@ def print_identified(report: dict) -> None:
     print_rows(
         with_unit(f"{title}: tearing energy", unit),
         [
-            {"mode": mode, "torn": row["specimens"], "energy": with_deviation(row["energy"])}
+            {"mode": mode, "torn": row["specimens"], "energy": _in_words(row["energy"])}
             for mode, row in report.get("tearing", {}).items()
         ],
     )
@@ -227,7 +227,7 @@ def break_rows(at_break: dict[str, dict]) -> list[dict]:
             "mode": mode,
             "broken": row["specimens"],
             **{
-                name: with_deviation(row[name])
+                name: _in_words(row[name])
                 for name in ("stretch", "nominal_stress", "work", "weibull_modulus")
                 if name in row
             },
@@ -236,11 +236,10 @@ def break_rows(at_break: dict[str, dict]) -> list[dict]:
     ]
 
 
-def with_deviation(pair: Sequence[float | None]) -> str:
+def _in_words(pair: Sequence[float | None]) -> str:
     """Return a mean and its standard deviation, if there is one, in words."""
     mean, deviation = pair
-    known = deviation is not None and deviation == deviation  # of one specimen it is NaN
-    return f"{mean:.4g} ± {deviation:.2g}" if known else f"{mean:.4g}"
+    return f"{mean:.4g}" if deviation is None else f"{mean:.4g} ± {deviation:.2g}"
 
 
 def print_parameters(title: str, report: dict) -> None:

@@ -210,7 +210,7 @@ class PairMemory:
         if self._passing is None:
             return False
         self._passing()
-        if (np.abs(self._found - self._passed) <= UNCHANGED * self._passed).all():
+        if np.isclose(self._found, self._passed, rtol=UNCHANGED, atol=0.0).all():
             return False
         self.begin(elapsed)
         return True

@@ -24,7 +24,7 @@ from .stress_regressor import (
     sheet_of,
     states,
 )
-from .tearing import tearing_energies
+from .tearing import off_at_break, tearing_energies
 
 EDGE = 1e-6
 """Least distance in log-stretch of a test from the domain of a force model at which the test
@@ -65,21 +65,11 @@ def report(model: StressRegressor, data: TestData) -> dict:
 
 
 def facts_of_tests(data: TestData) -> dict:
-    """Return the unit of the stresses, and states at break with a deviation of None for one
-    specimen, if the tests have them.
-    """
+    """Return the unit of the stresses, and states at break, if the tests have them."""
     found: dict = {"stress_unit": data.unit} if data.unit else {}
     broken = data.tests.at_break if data.tests else {}
-    if any(mode in data.modes for mode in broken):
-        found["at_break"] = {
-            mode: {
-                key: [*map(plain, entry)] if isinstance(entry, tuple) else entry
-                for key, entry in row.items()
-            }
-            for mode, row in broken.items()
-            if mode in data.modes
-        }
-    return found
+    at_break = {mode: row for mode, row in broken.items() if mode in data.modes}
+    return found | ({"at_break": at_break} if at_break else {})
 
 
 def parameters_of(model: LawEstimator) -> dict:
@@ -278,7 +268,7 @@ def examined(model: StressRegressor, data: TestData) -> dict:
     remarks = found["remarks"]
     energies, untorn = tearing_energies(model.law_, data.tests)
     found |= {"tearing": energies} if energies else {}
-    remarks += [f"{form}: {text}" for text in untorn]
+    remarks += [f"{form}: {text}" for text in (*untorn, *off_at_break(model.law_, data.tests))]
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
         growth = (
             f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than"

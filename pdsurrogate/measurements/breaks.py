@@ -84,3 +84,9 @@ def weibull_modulus(strengths: np.ndarray) -> tuple[float, float] | None:
         return None
     modulus = stats.weibull_min.fit(np.abs(strengths), floc=0)[0] * (number - 2) / (number - 0.68)
     return float(modulus), float(RELATIVE_ERROR * modulus / np.sqrt(number - 3))
+
+
+def with_deviation(values: list[float]) -> tuple[float, float | None]:
+    """Return the mean of values, and their standard deviation, None for one."""
+    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
+    return float(np.mean(values)), deviation

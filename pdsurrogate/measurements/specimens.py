@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .breaks import weibull_modulus
+from .breaks import weibull_modulus, with_deviation
 from .table import TableFile
 
 MODES = "uniaxial", "equibiaxial", "pure-shear"
@@ -250,29 +250,16 @@ class MechanicalTests:
         mode that broke, with their number; the Weibull modulus of the stress and its standard error
         from five on. Stresses that are no strength do not count.
         """
-        found = {}
-        all_broken = [
-            (one.mode, one.at_break)
-            for one in self.specimens
-            if one.at_break and not one.at_break.no_strength
-        ]
-        for mode in dict.fromkeys(mode for mode, _ in all_broken):
-            broken = [one for own, one in all_broken if own == mode]
-            values = np.array([(one.stretch, one.nominal_stress, one.work) for one in broken])
-            spread = values.std(axis=0, ddof=1) if len(values) > 1 else np.full(3, np.nan)
-            found[mode] = {
-                "specimens": len(broken),
-                **{
-                    name: (float(mean), float(deviation))
-                    for name, mean, deviation in zip(
-                        ("stretch", "nominal_stress", "work"),
-                        values.mean(axis=0),
-                        spread,
-                        strict=True,
-                    )
-                },
-            }
-            if modulus := weibull_modulus(values[:, 1]):
+        broken: dict[str, list[AtBreak]] = {}
+        for one in self.specimens:
+            if one.at_break and not one.at_break.no_strength:
+                broken.setdefault(one.mode, []).append(one.at_break)
+        found: dict[str, dict] = {}
+        for mode, ends in broken.items():
+            found[mode] = {"specimens": len(ends)}
+            for name in ("stretch", "nominal_stress", "work"):
+                found[mode][name] = with_deviation([getattr(one, name) for one in ends])
+            if modulus := weibull_modulus(np.array([one.nominal_stress for one in ends])):
                 found[mode]["weibull_modulus"] = modulus
         return found
 

@@ -139,7 +139,7 @@ class Cracks:
         _, piece = run.loading.pieces(~self.damage.broken)
         pieces = [
             np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points]))))
-            for points in run.loading.ends()
+            for points in run.loading.ends(~self.damage.broken)
         ]
         return not all(np.isin(pieces[0], others).any() for others in pieces[1:])
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
-from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, TooSmall
+from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, RanAway, TooSmall
 from ..solvers.increments import Increments
 from .checkpoints import Checkpoints
 from .cracks import Cracks
@@ -182,10 +182,11 @@ class Tearing(Equilibria):
             tolerance = max(tolerance, COARSE if rough else FINE)
         try:
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
-        except (*FAILURES, TooSmall):
+        except (*FAILURES, TooSmall) as error:
             before.restore(run, solver)
-            # What the parts do that nothing holds is no result of the tear.
-            self.through = self._cracks.separated()
+            # What parts do that nothing holds, or that their loads carry away, is no result of the
+            # tear.
+            self.through = isinstance(error, RanAway) or self._cracks.separated()
             run.loaded(run.positions, np.empty_like(run.positions))
             # On the way to separation there may be no equilibrium before further bonds break.
             more = run.damage.failing(run.force, alone=True).pairs

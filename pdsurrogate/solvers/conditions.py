@@ -384,11 +384,26 @@ class Loading:
         rows, planes = np.nonzero(levers.any(axis=2))
         return outer[rows], planes, np.sign(levers[rows, planes])
 
-    def ends(self) -> list[np.ndarray]:
+    def ends(self, intact: np.ndarray | None = None) -> list[np.ndarray]:
         """Return, for each holder, the points on this rank, halo included, that it holds; for a
-        plane the points with images in it.
+        plane the points with images in it, or those that bonds (True in `intact`) join to one.
         """
-        return self._by_holder([part.points for part in self.held])
+        return self._by_holder(
+            [
+                part.points if intact is None or part.plane is None else self._joined(part, intact)
+                for part in self.held
+            ]
+        )
+
+    def _joined(self, part: Held, intact: np.ndarray) -> np.ndarray:
+        """Return the points that intact bonds join to images in the plane of a part."""
+        body = self.body
+        bonds = body.bonds
+        outer = np.flatnonzero(intact & (bonds.second >= len(body)))
+        sources = body.points[body.ghosts.source[bonds.second[outer] - len(body)]]
+        feet = body.planes[part.plane].mirrored(sources)[0]
+        off = 2 * feet - sources - body.all_points[bonds.second[outer]]
+        return bonds.first[outer[np.abs(off).max(axis=1, initial=0.0) < body.spacing / 4]]
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
         """Return one array with the points of each holder, from `points`, which has one array

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from runs import started
+from scipy import stats
 
 import pdsurrogate as pds
 from pdsurrogate.materials import NeoHookean, homogeneous
@@ -85,3 +86,43 @@ def test_numbers_that_are_left_to_no_artifact_are_refused():
 def test_a_study_takes_means_over_the_seeds_of_strengths():
     study = pds.Study(scene="tear", parameters={"fracture.strength.scatter.seed": [1, 2]})
     assert study.repeated == ("fracture.strength.scatter.seed",)
+
+
+@pytest.mark.slow  # eight tears
+def test_loads_at_break_of_a_study_are_those_of_the_weakest_link(tmp_path):
+    """Each sheet in uniform tension begins to break at its weakest square, so that the study has
+    Weibull's mean and deviation. Most come apart at once; stronger squares may hold a short crack.
+    """
+    changes = {"spacing": 0.15, "body": {"shape": "rectangle", "size": [0.9, 1.2]}}
+    specimen = [0.9, 1.2]
+    given = scene({"length": 0.3, "specimen": specimen}, **changes)
+    described = given.model_dump(exclude={"dynamics"}) | {
+        "stretches": [2.0, 2.4, 2.8, 3.2, 3.6, 4.0],
+    }
+    loads, peaks, least = [], [], []
+    for seed in range(8):
+        described["fracture"]["strength"]["scatter"]["seed"] = seed
+        sheet = pds.Scene.model_validate(described)
+        result = pds.simulate(sheet, "bond-energy", threads=1)
+        crack = result.summary["crack"]
+        loads.append(crack["start"]["nominal_stress"] / BREAK.nominal_stress)
+        peaks.append(result.summary["peak_nominal_stress"] / BREAK.nominal_stress)
+        places = started(sheet).body.points
+        least.append(strength_factors(places, np.zeros(2), 0.3, 10.0, specimen, seed).min())
+    np.testing.assert_allclose(loads, least, rtol=5e-3)
+    assert np.median(np.array(peaks) / loads) < 1.005
+    assert max(np.array(peaks) / loads) < 1.1
+    deviation = stats.weibull_min(10.0).std() / stats.weibull_min(10.0).mean()
+    assert np.mean(loads) == pytest.approx(1.0, abs=3 * deviation / np.sqrt(8))
+
+
+def test_a_plane_holds_only_what_bonds_join_to_images_in_it():
+    run = started(scene({}))
+    bonds, points = run.body.bonds, run.body.points
+    intact = np.ones(len(bonds.first), dtype=bool)
+    bottom, top = run.loading.ends(intact)
+    assert points[bottom, 1].max() < 0.4
+    assert points[top, 1].min() > 1.2
+    intact[bonds.second >= len(points)] = False
+    assert [len(one) for one in run.loading.ends(intact)] == [0, 0]
+    assert all(len(one) for one in run.loading.ends())

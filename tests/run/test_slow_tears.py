@@ -131,6 +131,46 @@ def test_a_stable_tear_follows_its_load(opened):
     assert forces[-1] < 0.95 * max(forces)
 
 
+def test_a_body_that_its_loads_carry_away_comes_apart():
+    """Under a dead load no equilibrium follows the first broken bonds."""
+    scene = cantilever(
+        body={"shape": "rectangle", "size": [1.0, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.4, 0.5]}],
+        regions={},
+        prescribed=[{"region": "bottom", "x1": 0.0, "x2": 0.0}],
+        loads=[{"region": "top", "traction": [0.0, 0.8]}],
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    crack = result.summary["crack"]
+    assert crack["through"]
+    assert 0.2 < crack["peak"]["t"] < 1.0
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+
+
+def test_materials_with_memory_tear_with_a_closed_balance():
+    """Time stands still in an avalanche: branches respond to it as to a sudden change."""
+    memory = {
+        "branches": [{"modulus": 1.0, "time": 1.0}],
+        "softening": {"r": 2.0, "m": 0.2, "beta": 0.1},
+    }
+    scene = strip(
+        spacing=1 / 8,
+        body={"shape": "rectangle", "size": [1.5, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.75, 0.5]}],
+        plane="strain",
+        material={**RUBBER, **memory},
+        fracture={"critical_stretch": 1.6},
+        stretches=[1.2, 1.35],
+        times=[1.0, 3.0],
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    rows = result.history
+    assert rows[-1]["broken_bonds"] > 5
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+    assert all(after["time"] >= before["time"] for before, after in itertools.pairwise(rows))
+    assert {"dissipated_by_branches", "dissipated_by_softening"} <= rows[-1].keys()
+
+
 def test_neither_the_excess_nor_the_tolerance_changes_the_peak(torn, monkeypatch):
     monkeypatch.setattr(tearing, "OVERLOAD", tearing.OVERLOAD / 2)
     monkeypatch.setattr(tearing, "FINE", tearing.FINE / 2)

@@ -336,12 +336,12 @@ def test_discs_beside_a_plane_of_symmetry_continue_beyond_it():
 
 
 def test_a_scene_without_strength_does_not_load_it(monkeypatch):
-    for name in ("pdsurrogate.run.strength", "pdsurrogate.problem.strength"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in ("run.strength", "problem.strength", "problem.random_strength"):
+        monkeypatch.delitem(sys.modules, f"pdsurrogate.{name}", raising=False)
     run = started(scene(fracture={"energy": WORK}))
     assert run.problem.strengths is None
     assert not any(
-        name.endswith(".strength") and ".scenes." not in name
+        name.endswith("strength") and ".scenes." not in name
         for name in sys.modules
         if name.startswith("pdsurrogate.")
     )
