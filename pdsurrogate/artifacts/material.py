@@ -16,19 +16,8 @@ from ..materials import Law
 from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
-from .measured import with_measured
+from .measured import unit_of_stress, with_measured
 from .store import law_of, load_card, load_surrogate
-
-DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
-"""Names of the test data that are shipped with the package; their stresses are in MPa, which cards
-of earlier versions do not state.
-"""
-
-PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6, "N/mm2": 1e6, "bar": 1e5}
-PASCALS |= {"psi": 6894.757293168361, "ksi": 6894757.293168361, "kgf/cm2": 98066.5}
-"""Units of stress in pascals, to convert moduli from test data to the unit of a scene: those that
-messages on test data show (`measurements.quantities.UNITS`), whose library no simulation loads.
-"""
 
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 """Units of time in seconds, in which times of tests and relaxation times on cards are."""
@@ -128,7 +117,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             stacklevel=3,
         )
         model = load_surrogate("bond-energy")
-    return with_measured(scene, card, _unit_of_stress), model
+    return with_measured(scene, card), model
 
 
 def rates_between_grips(scene: Scene) -> tuple[float, float] | None:
@@ -165,20 +154,12 @@ def material_on(card: Card, scene: Scene) -> Law:
             if scene.material is None
             else law.scaled(scene.law().shear_modulus / law.shear_modulus)
         )
-    law = law.scaled(_unit_of_stress(card, scene))
+    law = law.scaled(unit_of_stress(card, scene))
     tests = card.training.get("identification") or {}
     second = SECONDS.get(tests.get("time_unit", "s"))
     if tests and law.memory and second and scene.units.time in SECONDS:
         law = replace(law, memory=law.memory.scaled(1.0, second / SECONDS[scene.units.time]))
     return law
-
-
-def _unit_of_stress(card: Card, scene: Scene) -> float:
-    """Return the unit of stress of a card in that of a scene; 1 if one of them is not known."""
-    tests = card.training.get("identification") or {}
-    unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
-    known = unit in PASCALS and scene.units.stress in PASCALS
-    return PASCALS[unit] / PASCALS[scene.units.stress] if known else 1.0
 
 
 def _has_moduli(card: Card) -> bool:

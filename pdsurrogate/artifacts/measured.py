@@ -1,6 +1,5 @@
 """Strength and tearing energy on the card of an artifact, for scenes that leave them to it."""
 
-from collections.abc import Callable
 from typing import TypeVar
 
 from ..scenes import Scene, SceneError
@@ -10,6 +9,17 @@ from ..scenes.reading import apply_change
 from ..scenes.strict_model import left_to_artifact
 from .card import Card, IdentificationEntries
 from .store import load_card
+
+DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
+"""Names of the test data that are shipped with the package; their stresses are in MPa, which cards
+of earlier versions do not state.
+"""
+
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6, "N/mm2": 1e6, "bar": 1e5}
+PASCALS |= {"psi": 6894.757293168361, "ksi": 6894757.293168361, "kgf/cm2": 98066.5}
+"""Units of stress in pascals, to convert moduli from test data to the unit of a scene: those that
+messages on test data show (`measurements.quantities.UNITS`), whose library no simulation loads.
+"""
 
 MILLIMETERS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "in": 25.4}
 """Units of length in millimeters, in which tearing energies on cards are, times the unit of stress.
@@ -25,12 +35,18 @@ MEANS = {
 Given = TypeVar("Given", bound=Criterion)
 
 
-def with_measured(scene: Scene, card: Card, stress_of: Callable[[Card, Scene], float]) -> Scene:
+def unit_of_stress(card: Card, scene: Scene) -> float:
+    """Return the unit of stress of a card in that of a scene; 1 if one of them is not known."""
+    tests = card.training.get("identification") or {}
+    unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
+    known = unit in PASCALS and scene.units.stress in PASCALS
+    return PASCALS[unit] / PASCALS[scene.units.stress] if known else 1.0
+
+
+def with_measured(scene: Scene, card: Card) -> Scene:
     """Return a scene in whose criteria of fracture the means of the tests behind an artifact
     replace ``"artifact"``: for the rest of the body those of `card`, for an entry of `materials`
     those of the artifact that it names as its force.
-
-    `stress_of` returns the unit of stress of a card in that of a scene.
 
     Raises
     ------
@@ -48,13 +64,12 @@ def with_measured(scene: Scene, card: Card, stress_of: Callable[[Card, Scene], f
                     part.fracture,
                     load_card(part.force),
                     (scene, f"materials.{number}.fracture"),
-                    stress_of,
                 )
             }
         )
         for number, part in enumerate(scene.materials)
     )
-    rest = _filled(scene.fracture, card, (scene, "fracture"), stress_of)
+    rest = _filled(scene.fracture, card, (scene, "fracture"))
     return scene.model_copy(update={"fracture": rest, "materials": parts})
 
 
@@ -62,7 +77,6 @@ def _filled(
     given: Given,
     card: Card,
     place: tuple[Scene, str],
-    stress_of: Callable[[Card, Scene], float],
 ) -> Given:
     """Return a criterion with the numbers on a card in the units of a scene; `place` are the
     scene and the key of the criterion.
@@ -78,7 +92,7 @@ def _filled(
     try:
         for name in left:
             number = _energy(tests, scene.units.length) if name == "energy" else _mean(tests, name)
-            unit = stress_of(card, scene) if name in ("energy", "strength.uniaxial") else 1.0
+            unit = unit_of_stress(card, scene) if name in ("energy", "strength.uniaxial") else 1.0
             apply_change(data, name, number * unit)
     except ValueError as error:
         raise SceneError(

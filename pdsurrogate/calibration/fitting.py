@@ -23,7 +23,7 @@ from .free import FLOOR, HALVINGS, floored, grouping, minimized
 from .image_start import start_maps, store_maps
 from .measured import FAILURES, Unlike
 from .search import Search, errors_of, failing
-from .starts import better_start, has_weak_form, keep, search_from, start_of, unknowns_of
+from .starts import better_start, search_from, start_of, unknowns_of
 
 logger = logging.getLogger(__name__)
 
@@ -99,7 +99,7 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     elif cause := cause_of_misfit(model, search, x, root * (y - search.values(x)), True):
         raise ValueError(f"y: {cause}")
     model.start_: dict[str, Any] = {"taken": "default"}
-    if has_weak_form(model):
+    if model.law is None and all(test.has_fields for test, _ in model.tests_):
         x = better_start(model, search, x)
     found, correction = _searched(model, search, x)
     x = found.x
@@ -108,7 +108,9 @@ def fitted(model, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     root = search.root
     if model.law is None:
         kept = x > FLOOR * x.max()
-        keep(model, search, kept)
+        model.unknown_ = model.unknown_.of(kept)
+        search.space = search.space.of(kept)
+        search.forget()
         x = x[kept]
         found.jac = found.jac[:, kept]
         space = search.space

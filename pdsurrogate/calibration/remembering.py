@@ -17,8 +17,8 @@ MODULI = 1e-6, 1e6
 
 
 @dataclass(frozen=True)
-class MemoryUnknowns:
-    """Unknowns of a law with memory.
+class LawUnknowns:
+    """Unknowns of a law, with those of its memory.
 
     Attributes
     ----------
@@ -65,14 +65,13 @@ class MemoryUnknowns:
         *bounds, logarithmic = self.elastic.search_range(start, scale)
         stresses = scale * np.array(MODULI)
         ranges = {**SOFTENING, "modulus": stresses, "m": stresses, "time": self.times}
-        own = np.array([ranges[name.rpartition(".")[2]] for name in self._numbers]).T
+        own = np.reshape([ranges[name.rpartition(".")[2]] for name in self._numbers], (-1, 2)).T
         low, high = (np.r_[one, more] for one, more in zip(bounds, own, strict=True))
         return low, high, np.r_[logarithmic, own[0] > 0]
 
 
-def with_memory(elastic: LawRegressor, scenes: Sequence[Scene]) -> LawRegressor | MemoryUnknowns:
-    """Return the unknowns of a law with the memory of the first scene whose material remembers;
-    those of the elastic energy if none does.
+def with_memory(elastic: LawRegressor, scenes: Sequence[Scene]) -> LawUnknowns:
+    """Return the unknowns of a law with the memory of the first scene whose material remembers.
 
     Raise ValueError if the material has branches, and a scene has no times, or if times of
     relaxation depend on the overstress.
@@ -80,7 +79,7 @@ def with_memory(elastic: LawRegressor, scenes: Sequence[Scene]) -> LawRegressor 
     laws = [scene.law() for scene in scenes if scene.material is not None]
     law = next((one for one in laws if one.memory), None)
     if law is None:
-        return elastic
+        return LawUnknowns(elastic, Memory(), (1.0, 1.0))
     if law.memory.thinning:
         raise ValueError(
             "branches whose times depend on the overstress are not fitted with a body: give them"
@@ -96,4 +95,4 @@ def with_memory(elastic: LawRegressor, scenes: Sequence[Scene]) -> LawRegressor 
     longest = max(times.max(initial=0.0) for times in clocks)
     least = parts[parts > 0].min(initial=longest)
     bounds = float(least) / BEYOND, float(longest) * BEYOND
-    return MemoryUnknowns(elastic, law.memory.scaled(1 / law.shear_modulus), bounds)
+    return LawUnknowns(elastic, law.memory.scaled(1 / law.shear_modulus), bounds)

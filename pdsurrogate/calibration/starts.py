@@ -10,7 +10,7 @@ from ..materials import LAWS, Law, Ogden
 from .asked import scenes_of
 from .free import EnergyUnknowns, floored, scaled, solved
 from .measured import DISPLACEMENTS, FAILURES, FORCES, MeasuredScene, Unlike
-from .remembering import MemoryUnknowns, with_memory
+from .remembering import LawUnknowns, with_memory
 from .search import DIFFERENCE, Search, Space, failing
 
 FARTHEST = 0.5
@@ -35,7 +35,7 @@ three terms.
 """
 
 
-def unknowns_of(model, count: int) -> LawRegressor | MemoryUnknowns | EnergyUnknowns:
+def unknowns_of(model, count: int) -> LawUnknowns | EnergyUnknowns:
     """Return the unknowns of the fit; raise ValueError unless `count` measurements can determine
     them.
     """
@@ -110,8 +110,8 @@ def first_values(model) -> np.ndarray:
         if scene.material is not None and scene.material.law == model.law
     ]
     if isinstance(unknown, EnergyUnknowns):
-        start = unknown.start()
-    elif model.law == Ogden.name:
+        return unknown.start()
+    if model.law == Ogden.name:
         exponents = np.array(EXPONENTS[model.n_terms - 1])
         sizes = 1 / np.abs(exponents)
         if stated and isinstance(stated[0], Ogden) and len(stated[0].exponents) == model.n_terms:
@@ -120,9 +120,8 @@ def first_values(model) -> np.ndarray:
         start = np.concatenate([sizes, exponents])
     else:
         law = stated[0] if stated else LAWS[str(model.law)]()
-        elastic = unknown.elastic if isinstance(unknown, MemoryUnknowns) else unknown
-        start = np.array([getattr(law, name) for name in elastic.unknowns()])
-    return unknown.completed(start) if isinstance(unknown, MemoryUnknowns) else start
+        start = np.array([getattr(law, name) for name in unknown.elastic.unknowns()])
+    return unknown.completed(start)
 
 
 def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -153,7 +152,7 @@ def start_of(model, y: np.ndarray, root: np.ndarray) -> np.ndarray:
             len(start) if model.law is None else model.n_terms if model.law == Ogden.name else 1
         )
         start[:moduli] *= product / square
-        if isinstance(model.unknown_, MemoryUnknowns):
+        if model.law is not None:
             start = model.unknown_.completed(start)
     return start
 
@@ -199,13 +198,6 @@ def _weak_form(search: Search, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     return search.root[:, None] * jacobian, search.root * right, forces
 
 
-def keep(model, search: Search, kept: np.ndarray) -> None:
-    """Keep only the unknowns that a mask chooses."""
-    model.unknown_ = model.unknown_.of(kept)
-    search.space = search.space.of(kept)
-    search.forget()
-
-
 def _check_energy(model, unknown: EnergyUnknowns, count: int) -> None:
     """Raise ValueError for measurements that cannot determine an energy without a law."""
     if without_scale(model):
@@ -236,13 +228,6 @@ def without_scale(model) -> bool:
         and not tests
         and not any(test.scene.loads or test.scene.materials for test, _ in model.tests_)
     )
-
-
-def has_weak_form(model) -> bool:
-    """Whether the weak form of an energy without a law can be made: displacements were measured
-    in all tests.
-    """
-    return model.law is None and all(test.has_fields for test, _ in model.tests_)
 
 
 def _check_displacements(

@@ -22,6 +22,7 @@ from ..identification.data import test_data_of
 from ..identification.written import table_of
 from ..measurements import files_at, is_field, read_fields
 from ..measurements.plausible import SOURCES
+from ..measurements.quantities import UNITS
 from ..measurements.specimens import MechanicalTests
 from ..measurements.table import Block, Column
 from ..results import figures, measured
@@ -227,14 +228,11 @@ def _seen_tests(read: MechanicalTests) -> Seen:
         for one in read.specimens
     ]
     columns = [
-        {
-            **({"table": row["table"]} if len({one["table"] for one in read.ranges}) > 1 else {}),
-            "column": row["column"],
-            "quantity": row["quantity"] or "not understood",
-            "range": [row["least"], row["greatest"]],
-            "unit": row["unit"],
-        }
-        for row in read.ranges
+        {"table": f"{file.path.name} {block.title}".strip(), **_seen_column(one)}
+        for file in read.tables
+        for block in file.blocks
+        for one in block.columns
+        if one.values.dtype.kind == "f" and np.isfinite(one.values).any()
     ]
     broken = break_rows(read.at_break)
     torn = [asdict(one) for one in read.tears]
@@ -256,6 +254,18 @@ def _seen_tests(read: MechanicalTests) -> Seen:
         read.missing,
         lambda: _drawn_tests(read),
     )
+
+
+def _seen_column(column: Column) -> dict:
+    """Return what is known of a column of numbers: in mm, N, s and MPa where it has a unit."""
+    quantity = column.quantities[0] if column.quantities else ""
+    known = bool(quantity and column.unit) and quantity != "temperature"
+    return {
+        "column": column.heading,
+        "quantity": " or ".join(column.quantities) or "not understood",
+        "range": _span(column.in_unit_of(quantity) if known else column.values),
+        "unit": UNITS.get(quantity, "1") if known else column.unit or "",
+    }
 
 
 def _span(values: np.ndarray) -> list[float]:

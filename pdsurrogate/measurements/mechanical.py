@@ -9,7 +9,7 @@ import numpy as np
 from ..arguments import suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
 from .breaks import NO_STRENGTH, WORDS, last_state, slip
-from .quantities import UNITS, found_in
+from .quantities import found_in
 from .reading import read_tables
 from .readings import Readings
 from .specimens import (
@@ -22,7 +22,7 @@ from .specimens import (
     Specimen,
     Tear,
 )
-from .table import Block, TableFile
+from .table import TableFile
 from .tears import cut_strip, torn_legs
 
 OWN = "table of this project"
@@ -122,7 +122,6 @@ def join_tests(name: str, *parts: MechanicalTests) -> MechanicalTests:
         together,
         assumed=tuple(dict.fromkeys(said)),
         missing=tuple(text for part in parts for text in part.missing),
-        ranges=tuple(row for part in parts for row in part.ranges),
         tables=tuple(file for part in parts for file in part.tables),
         tears=tuple(one for part in parts for one in part.tears),
     )
@@ -206,7 +205,6 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
     specimens: list[Specimen] = []
     tears: list[Tear] = []
     assumed, missing = [(name, note) for note in file.notes], []
-    ranges: list[dict] = []
     units, rows = set(), 0
     for block in file.blocks:
         where = f"{name}, {block.title}" if block.title and len(file.blocks) > 1 else name
@@ -217,7 +215,6 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         torn = torn or [
             tear for one in found if one.mode == SHEAR_TEAR for tear in cut_strip(readings, one)
         ]
-        ranges += _ranges(block, where)
         used |= readings.used
         assumed += [(where, text) for text in readings.assumed]
         missing += [(where, text) for text in readings.missing]
@@ -237,7 +234,6 @@ def _tests(file: TableFile, facts: Facts, used: set[str]) -> MechanicalTests:
         unit,
         _sentences(assumed, name),
         _sentences(missing, name),
-        tuple(ranges),
         (file,),
         tuple(tears),
     )
@@ -434,26 +430,3 @@ def _tell(readings, name, branch, cycle, chosen, lost, at_break) -> None:
             f" ({readings.facts.branch or 'the first loading'}); left out: {', '.join(kinds)}"
             " (--branch all takes them)"
         )
-
-
-def _ranges(block: Block, where: str) -> list[dict]:
-    """Return the least and greatest value of each column of numbers, with quantity and unit."""
-    rows = []
-    for column in block.columns:
-        if column.values.dtype.kind != "f" or not np.isfinite(column.values).any():
-            continue
-        quantity = column.quantities[0] if column.quantities else None
-        known = quantity is not None and column.unit is not None and quantity != "temperature"
-        unit = UNITS.get(quantity or "", "1") if known else column.unit or ""
-        values = column.in_unit_of(str(quantity)) if known else column.values
-        rows.append(
-            {
-                "table": where,
-                "column": column.heading,
-                "quantity": " or ".join(column.quantities),
-                "least": float(np.nanmin(values)),
-                "greatest": float(np.nanmax(values)),
-                "unit": unit,
-            }
-        )
-    return rows

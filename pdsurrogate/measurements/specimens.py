@@ -196,9 +196,6 @@ class MechanicalTests:
     missing : tuple of str
         What is needed before tables are tests, each with the option that states it; the tables
         have no specimens.
-    ranges : tuple of dict
-        Least and greatest value of every column of numbers: "table", "column", "quantity",
-        "least", "greatest", "unit" (mm, N, s, MPa where the unit is known).
     tables : tuple of TableFile
         The files as they were read.
     tears : tuple of Tear
@@ -210,7 +207,6 @@ class MechanicalTests:
     unit: str | None = None
     assumed: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
-    ranges: tuple[dict, ...] = ()
     tables: tuple[TableFile, ...] = ()
     tears: tuple[Tear, ...] = ()
 

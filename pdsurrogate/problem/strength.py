@@ -71,9 +71,8 @@ class Zone:
     of_points : bool
         Whether the energies of points are divided by the works of their own materials, and not by
         that of the zone: within a material.
-    least : float or ndarray, shape (n,)
-        Share of the work that must be reached in the disc around a point: 1 unless strengths are
-        random.
+    least : ndarray, shape (n,), optional
+        Share of the work that must be reached in the disc around a point, of random strengths.
     """
 
     name: str
@@ -87,7 +86,11 @@ class Zone:
     centers: np.ndarray
     pairs: np.ndarray
     of_points: bool
-    least: float | np.ndarray = 1.0
+    least: np.ndarray | None = None
+
+    def least_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the shares of the work that must be reached in the discs around points."""
+        return np.ones(len(points)) if self.least is None else self.least[points]
 
 
 class Strengths:
@@ -177,7 +180,11 @@ class Strengths:
                     raise ValueError(f"{key}.strength.scatter: {error}") from None
                 self.zones[-1] = replace(zone, least=least / zone.work)
         self.least_trace = (
-            min(least_trace_of(law, zone.work) for law in laws for zone in self.zones)
+            min(
+                least_trace_of(law, zone.work * zone.least_at(np.arange(len(body))).min(initial=1))
+                for law in laws
+                for zone in self.zones
+            )
             if scene.plane == "stress"
             else 0.0
         )

@@ -98,7 +98,7 @@ class StrongDamage(Damage):
         ratio_of = self._ratio_of(force)
         for zone in self._strengths.zones:
             points = self._own[zone.centers[self._own]]
-            ratios = ratio_of(zone, points)
+            ratios = ratio_of(zone, points) / zone.least_at(points)
             value = 0.95 * self.body.share.greatest(float(ratios.max(initial=0.0)))
             for _ in range(2):  # no value is greater than the ratio of the point
                 found = self._discs(zone, points[ratios >= value], ratio_of)
@@ -121,7 +121,7 @@ class StrongDamage(Damage):
         for zone in self._strengths.zones:
             apart = np.empty((0, self.body.dimension))
             points = may_break[zone.centers[may_break]]
-            points = points[ratio_of(zone, points) >= 1]
+            points = points[ratio_of(zone, points) >= zone.least_at(points)]
             for value, center in self._discs(zone, points, ratio_of):
                 if value < 1 or (alone and len(apart)):
                     break
@@ -176,17 +176,19 @@ class StrongDamage(Damage):
     ) -> Iterator[tuple[float, np.ndarray]]:
         """Yield the values of the discs of a zone around given own points and their centers, shape
         (d,), the greatest first: the mean over the hull, or the ratio of the point if that is
-        smaller.
+        smaller, over the share of the work at break that is needed there.
         """
         body = self.body
         share = body.share
         if not share.any(len(points) > 0):
             return
-        numbers, centers, own = (
+        least = zone.least_at(points)
+        by_own = ratio_of(zone, points) / least
+        numbers, centers, own, least = (
             np.concatenate(share.everywhere(rows))
-            for rows in (share.numbers[points], body.points[points], ratio_of(zone, points))
+            for rows in (share.numbers[points], body.points[points], by_own, least)
         )
-        means = self.means(zone, centers, partial(ratio_of, zone))
+        means = self.means(zone, centers, partial(ratio_of, zone)) / least
         # The part in the hull, which takes time, is found once it decides.
         waiting = [
             (-min(one), number, index, False)
