@@ -148,11 +148,8 @@ def test_a_body_that_its_loads_carry_away_comes_apart():
 
 
 def test_a_held_load_tears_a_material_that_creeps_after_a_time():
-    """Branches and softening are in the balance, and time stands still in an avalanche."""
-    memory = {
-        "branches": [{"modulus": 2.0, "time": 1.0}],
-        "softening": {"r": 4.0, "m": 0.5, "beta": 0.1},
-    }
+    """Branches are in the balance, and time stands still in an avalanche."""
+    memory = {"branches": [{"modulus": 2.0, "time": 1.0}]}
     scene = cantilever(
         body={"shape": "rectangle", "size": [1.0, 1.0]},
         precuts=[{"start": [-1.0, 0.5], "end": [0.5, 0.5]}],
@@ -160,8 +157,8 @@ def test_a_held_load_tears_a_material_that_creeps_after_a_time():
         material={**RUBBER, **memory},
         regions={},
         prescribed=[{"region": "bottom", "x1": 0.0, "x2": 0.0}],
-        loads=[{"region": "top", "traction": [0.0, 0.3]}],
-        steps=[{"to": 1.0, "duration": 0.1}, {"to": 1.0, "duration": 5.0, "outputs": 2}],
+        loads=[{"region": "top", "traction": [0.0, 0.33]}],
+        steps=[{"to": 1.0, "duration": 0.1}, {"to": 1.0, "duration": 5.0, "outputs": 20}],
         fracture={"critical_stretch": 1.6},
     )
     result = pds.simulate(scene, "bond-energy", threads=1)
@@ -170,7 +167,7 @@ def test_a_held_load_tears_a_material_that_creeps_after_a_time():
     assert crack["broken_bonds"] > 0
     rows = result.history
     assert all(after["time"] >= before["time"] for before, after in itertools.pairwise(rows))
-    assert min(rows[-1][f"dissipated_by_{cause}"] for cause in ("branches", "softening")) > 0
+    assert rows[-1]["dissipated_by_branches"] > 0
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
