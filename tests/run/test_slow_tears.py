@@ -166,7 +166,9 @@ def test_a_body_that_its_loads_carry_away_comes_apart():
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
-@pytest.mark.parametrize(("outputs", "gap"), [(1, 10.0), (16, 0.5)])
+@pytest.mark.parametrize(
+    ("outputs", "gap"), [(1, 10.0), pytest.param(16, 0.5, marks=pytest.mark.slow)]
+)
 def test_a_held_load_tears_a_material_that_creeps_after_a_time(outputs, gap):
     """Branches and softening are in the balance, time stands still in an avalanche, and goes on
     after it without an output.
