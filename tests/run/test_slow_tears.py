@@ -147,6 +147,7 @@ def test_a_body_that_its_loads_carry_away_comes_apart():
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
+@pytest.mark.slow
 def test_a_held_load_tears_a_material_that_creeps_after_a_time():
     """Branches are in the balance, and time stands still in an avalanche."""
     memory = {"branches": [{"modulus": 2.0, "time": 1.0}]}
