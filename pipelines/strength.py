@@ -40,9 +40,6 @@ CUTS = [
 ]
 """Length of the cut, spacing, and stretch at which the search for the first bond begins."""
 
-LONG = [(5.0, 0.18, "4"), (5.0, 0.18, "none")]
-"""Length of a long cut, spacing, and stretch at break."""
-
 FINITE_ELEMENTS = {
     0.1: (None, 3.87, 3.86),
     0.2: (None, 3.59, 3.68),
@@ -102,14 +99,6 @@ def cut(length, spacing, start):
     yield length, spacing, *peak, *FINITE_ELEMENTS[length], gap
 
 
-def long(length, spacing, stretch):
-    """A long edge cut in a sheet of four times its length, with a strength and without."""
-    strength = {} if stretch == "none" else {"strength": {"stretch": float(stretch)}}
-    found = torn(length, spacing, 1.3, 4 * length, fracture={"energy": WORK} | strength)
-    peak = found["crack"]["peak"]
-    yield length, spacing, stretch, peak["stretch"], peak["nominal_stress"]
-
-
 if __name__ == "__main__":
     columns = "force", "points", "horizon (spacings): g", "spacing (l_c): g", "R (spacings): .1f"
     cuts = "cut (l_c): g", "spacing (l_c): g"
@@ -120,5 +109,4 @@ if __name__ == "__main__":
         __doc__,
         of_rows("strength-uncut", uncut, UNCUT, *columns, first, "over break: .3f", gap),
         of_rows("strength-cuts", cut, CUTS, *cuts, first, at_peak, *elements, gap),
-        of_rows("strength-long", long, LONG, *cuts, "stretch at break", at_peak, "stress (μ): .4f"),
     )

@@ -291,7 +291,9 @@ def _print_crack(result: Result) -> None:
         stretches = sorted(
             {f"{one['critical_stretch']:.4g}" for one in materials if "critical_stretch" in one}
         )
-        out.print(f"No bond broke: none reached the critical stretch {' or '.join(stretches)}")
+        strong = ", and no disc the strength" if "strength" in summary else ""
+        told = " or ".join(stretches)
+        out.print(f"No bond broke: none reached the critical stretch {told}{strong}")
         return
     start = crack["start"]
     where = " and ".join(map(_place, start["tips"]))

@@ -131,6 +131,25 @@ def test_a_stable_tear_follows_its_load(opened):
     assert forces[-1] < 0.95 * max(forces)
 
 
+def test_a_load_that_turns_between_outputs_tears_as_far_as_it_goes(opened):
+    """The turn is in the history too, and unloading breaks nothing."""
+    sides = [("up", 1.0), ("down", -1.0)]
+    amplitude = [[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]
+    scene = cantilever(
+        prescribed=[
+            {"region": side, "x1": 0.0, "x2": way, "amplitude": amplitude} for side, way in sides
+        ],
+        steps=[{"to": 1.0, "outputs": 1}],
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    (turn,) = [row for row in result.history if row["t"] == 0.5]
+    last = opened.history[-1]
+    assert turn["force_up_2"] == pytest.approx(last["force_up_2"], rel=0.02)
+    broken = result.history[-1]["broken_bonds"]
+    assert broken == turn["broken_bonds"] == pytest.approx(last["broken_bonds"], abs=1)
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+
+
 def test_a_body_that_its_loads_carry_away_comes_apart():
     """Under a dead load no equilibrium follows the first broken bonds."""
     scene = cantilever(
@@ -147,28 +166,37 @@ def test_a_body_that_its_loads_carry_away_comes_apart():
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
-def test_materials_with_memory_tear_with_a_closed_balance():
-    """Time stands still in an avalanche: branches respond to it as to a sudden change."""
+@pytest.mark.parametrize(
+    ("outputs", "gap"), [(1, 10.0), pytest.param(16, 0.5, marks=pytest.mark.slow)]
+)
+def test_a_held_load_tears_a_material_that_creeps_after_a_time(outputs, gap):
+    """Branches and softening are in the balance, time stands still in an avalanche, and goes on
+    after it without an output.
+    """
     memory = {
-        "branches": [{"modulus": 1.0, "time": 1.0}],
-        "softening": {"r": 2.0, "m": 0.2, "beta": 0.1},
+        "branches": [{"modulus": 2.0, "time": 1.0}],
+        "softening": {"r": 4.0, "m": 0.5, "beta": 0.1},
     }
-    scene = strip(
-        spacing=1 / 8,
-        body={"shape": "rectangle", "size": [1.5, 1.0]},
-        precuts=[{"start": [-1.0, 0.5], "end": [0.75, 0.5]}],
+    scene = cantilever(
+        body={"shape": "rectangle", "size": [1.0, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.5, 0.5]}],
         plane="strain",
         material={**RUBBER, **memory},
+        regions={},
+        prescribed=[{"region": "bottom", "x1": 0.0, "x2": 0.0}],
+        loads=[{"region": "top", "traction": [0.0, 0.3]}],
+        steps=[{"to": 1.0, "duration": 0.1}, {"to": 1.0, "duration": 5.0, "outputs": outputs}],
         fracture={"critical_stretch": 1.6},
-        stretches=[1.2, 1.35],
-        times=[1.0, 3.0],
     )
     result = pds.simulate(scene, "bond-energy", threads=1)
+    crack = result.summary["crack"]
+    assert 0.11 < crack["start"]["time"] < 4.0
     rows = result.history
-    assert rows[-1]["broken_bonds"] > 5
-    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+    times = [row["time"] for row in rows if 0 < row["broken_bonds"] < rows[-1]["broken_bonds"]]
+    assert max(times) > 1.2 * min(times)
     assert all(after["time"] >= before["time"] for before, after in itertools.pairwise(rows))
-    assert {"dissipated_by_branches", "dissipated_by_softening"} <= rows[-1].keys()
+    assert min(rows[-1][f"dissipated_by_{cause}"] for cause in ("branches", "softening")) > 0
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < gap
 
 
 def test_neither_the_excess_nor_the_tolerance_changes_the_peak(torn, monkeypatch):
