@@ -152,6 +152,20 @@ def test_a_load_that_turns_between_outputs_tears_as_far_as_it_goes(opened):
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
+def test_the_work_of_obstacles_is_that_of_their_forces_before_and_after():
+    scene = cantilever(
+        body={"shape": "rectangle", "size": [1.5, 1.0]},
+        precuts=[{"start": [0.75, -1.0], "end": [0.75, 0.4]}],
+        regions={},
+        prescribed=[{"region": side, "x1": 0.0, "x2": 0.0} for side in ("left", "right")],
+        obstacles=[{"name": "disc", "disc": {"center": [0.75, 1.4], "radius": 0.4}, "x2": -0.3}],
+        fracture={"critical_stretch": 1.15},
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    assert result.summary["crack"]["broken_bonds"] > 0
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+
+
 def test_a_body_that_its_loads_carry_away_comes_apart():
     """Under a dead load no equilibrium follows the first broken bonds."""
     scene = cantilever(
