@@ -27,11 +27,12 @@ class Totals:
     gap, greatest_gap : float
         Stored, dissipated, damped and released energy minus the work, in the last equilibrium, and
         the value of greatest magnitude so far.
-    rate, size : float
-        Work of the supports per change of the loading parameter in the equilibrium before the last,
-        and the change since then; `size` is 0 if bonds have broken since.
-    corrected : bool
-        Whether the work on that change contains the correction for its curvature.
+    first, last : float
+        Work on the last way between two equilibria with the forces at its begin and at its end; 0
+        if bonds have broken since.
+    corrected, single : bool
+        Whether the work so far contains the correction for the curvature of the last way, and
+        whether that way was the first of a series.
     load, slope : float
         Greatest load of a bond in the last equilibrium, and its change per change of the loading
         parameter; 0 while unknown.
@@ -49,9 +50,10 @@ class Totals:
     most_put_in: float = 0.0
     gap: float = 0.0
     greatest_gap: float = 0.0
-    rate: float = 0.0
-    size: float = 0.0
+    first: float = 0.0
+    last: float = 0.0
     corrected: bool = False
+    single: bool = True
     load: float = 0.0
     slope: float = 0.0
     events: int = 0
@@ -133,17 +135,18 @@ class TearAccount:
         totals = self.totals
         old = self._known
         new = self._known = self._present()
+        first, last = (self._work_with(one, old, new) for one in (old, new))
+        totals.work += (first + last) / 2
+        totals.corrected = first * totals.last > 0
+        if totals.corrected:
+            # The third point of a parabola corrects the trapezoidal rule, for the first way of a
+            # series together with the second one. Ways are measured by the work on them of the
+            # forces between both.
+            bend = (last / first - 1) / first - (1 - totals.first / totals.last) / totals.last
+            cubes = first**3 + (totals.last**3 if totals.single else 0.0)
+            totals.work -= cubes * bend / (6 * (first + totals.last))
+        totals.first, totals.last, totals.single = first, last, not totals.corrected
         size = new.parameter - old.parameter
-        first, last = (self._work_of_supports(one, old, new) for one in (old, new))
-        totals.work += (first + last) / 2 + self._work_of_loads(old, new)
-        if size and totals.size:
-            # The third point of a parabola corrects the trapezoidal rule, for the first change of a
-            # series together with the second one.
-            bend = (last - first) / size**2 - (first / size - totals.rate) / totals.size
-            cubes = size**3 + (0.0 if totals.corrected else totals.size**3)
-            totals.work -= cubes * bend / (6 * (size + totals.size))
-        totals.corrected = totals.size != 0.0
-        totals.rate, totals.size = (first / size, size) if size else (0.0, 0.0)
         if size:
             totals.slope = (load - totals.load) / abs(size)
         totals.load = load
@@ -165,30 +168,33 @@ class TearAccount:
         totals = self.totals
         old = self._known
         new = self._known = self._present(breaking=left is not None)
-        work = self._work_of_loads(old, new)
+        work = sum(self._work_of_loads(one, old, new) for one in (old, new)) / 2
         if left is None or not np.isfinite(left):
             left = old.energy
         totals.work += work
         totals.released_energy += old.energy - left
         totals.damped_energy += left + old.dissipated - new.energy - new.dissipated + work
-        totals.size = 0.0
+        totals.last = 0.0
+        totals.corrected = True
         self._close()
 
-    def _work_of_supports(self, one: Known, old: Known, new: Known) -> float:
-        """Return the work on the way between two equilibria of the reactions of `one` of them."""
+    def _work_with(self, one: Known, old: Known, new: Known) -> float:
+        """Return the work on the way between two equilibria of the supports and loads of `one` of
+        them.
+        """
         motion = Motion(old.parameter, new.parameter, new.parameter - old.parameter, 1.0)
-        return self._run.loading.course.power(one.reactions, motion, 1.0, 1.0)
+        work = self._run.loading.course.power(one.reactions, motion, 1.0, 1.0)
+        return work + self._work_of_loads(one, old, new)
 
-    def _work_of_loads(self, old: Known, new: Known) -> float:
+    def _work_of_loads(self, one: Known, old: Known, new: Known) -> float:
         run = self._run
         if not run.loads:
             return 0.0
-        work = 0.0
-        for one in (old, new):
-            run.loads.set(one.parameter)
-            moves = new.positions - old.positions, new.planes - old.planes
-            work += run.loads.power(one.positions, *moves, one.thickness) / 2
-        return run.body.share.total(work)
+        run.loads.set(one.parameter)
+        moves = new.positions - old.positions, new.planes - old.planes
+        work = run.body.share.total(run.loads.power(one.positions, *moves, one.thickness))
+        run.loads.set(new.parameter)
+        return work
 
     def _close(self) -> None:
         totals = self.totals
@@ -197,7 +203,7 @@ class TearAccount:
         if self._run.force.has_energy:
             spent = totals.damped_energy + totals.released_energy + known.dissipated
             totals.gap = known.energy + spent - totals.work
-            if totals.corrected or not totals.size:
+            if totals.corrected:
                 totals.greatest_gap = max(totals.greatest_gap, totals.gap, key=abs)
 
     def columns(self) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """Stages in equilibrium in which bonds break: slow tears."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,8 +26,9 @@ break together. Chosen: half of it changes the peak of the load by less than a t
 """
 
 LARGEST_STRAIN = 0.1
-"""Greatest strain of a bond by an increment, so that the work on it is known within a thousandth
-from the forces at its ends and those before.
+PARTS = 8
+"""Greatest strain of a bond by an increment, and least number of increments of a stage, so that the
+work on them is known within a thousandth from the forces at their ends and those before.
 """
 
 STRANDS = 1e-3
@@ -34,6 +36,9 @@ STRANDS = 1e-3
 separated: strands of single bonds may still join its parts. Chosen far below what a ligament of
 some points holds.
 """
+
+ROUNDING = 1e-9
+"""Part of a time that may be left by rounding."""
 
 MOST_TRIALS = 12
 """Most trials to find the loading at which a bond breaks. Loads are nearly linear in it, so that
@@ -61,7 +66,10 @@ class Tearing(Equilibria):
         self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints
     ) -> None:
         super().__init__(run, stage, solver, checkpoints)
-        self._path = ParameterPath(run, stage, solver, LARGEST_STRAIN)
+        part = abs(stage.to - run.state.begin) / PARTS
+        bounds = [bound for bound in (stage.largest_increment, part) if bound]
+        bounded = replace(stage, largest_increment=min(bounds, default=None))
+        self._path = ParameterPath(run, bounded, solver, LARGEST_STRAIN)
         self._cracks = Cracks(run, stage.duration is not None)
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -91,7 +99,10 @@ class Tearing(Equilibria):
         self._stop = stop
         end = state.time + time
         equilibrium = self._avalanche(None)
-        while not self.through and (equilibrium is None or state.parameter != stop):
+        while not self.through:
+            left = end - state.time > ROUNDING * time  # also where the loading is held
+            if equilibrium is not None and state.parameter == stop and not left:
+                break
             self._pause()
             goal = self._account.expects_event(1 + OVERLOAD / 2, stop)
             share = (goal - state.parameter) / (stop - state.parameter) if goal != stop else 1.0

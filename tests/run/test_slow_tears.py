@@ -147,28 +147,29 @@ def test_a_body_that_its_loads_carry_away_comes_apart():
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
-def test_materials_with_memory_tear_with_a_closed_balance():
-    """Time stands still in an avalanche: branches respond to it as to a sudden change."""
-    memory = {
-        "branches": [{"modulus": 1.0, "time": 1.0}],
-        "softening": {"r": 2.0, "m": 0.2, "beta": 0.1},
-    }
-    scene = strip(
-        spacing=1 / 8,
-        body={"shape": "rectangle", "size": [1.5, 1.0]},
-        precuts=[{"start": [-1.0, 0.5], "end": [0.75, 0.5]}],
+@pytest.mark.slow
+def test_a_held_load_tears_a_material_that_creeps_after_a_time():
+    """Branches are in the balance, and time stands still in an avalanche."""
+    memory = {"branches": [{"modulus": 2.0, "time": 1.0}]}
+    scene = cantilever(
+        body={"shape": "rectangle", "size": [1.0, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.5, 0.5]}],
         plane="strain",
         material={**RUBBER, **memory},
+        regions={},
+        prescribed=[{"region": "bottom", "x1": 0.0, "x2": 0.0}],
+        loads=[{"region": "top", "traction": [0.0, 0.33]}],
+        steps=[{"to": 1.0, "duration": 0.1}, {"to": 1.0, "duration": 5.0, "outputs": 20}],
         fracture={"critical_stretch": 1.6},
-        stretches=[1.2, 1.35],
-        times=[1.0, 3.0],
     )
     result = pds.simulate(scene, "bond-energy", threads=1)
+    crack = result.summary["crack"]
+    assert 0.11 < crack["start"]["time"] < 4.0
+    assert crack["broken_bonds"] > 0
     rows = result.history
-    assert rows[-1]["broken_bonds"] > 5
-    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
     assert all(after["time"] >= before["time"] for before, after in itertools.pairwise(rows))
-    assert {"dissipated_by_branches", "dissipated_by_softening"} <= rows[-1].keys()
+    assert rows[-1]["dissipated_by_branches"] > 0
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
 def test_neither_the_excess_nor_the_tolerance_changes_the_peak(torn, monkeypatch):
