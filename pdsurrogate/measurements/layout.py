@@ -76,7 +76,7 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
     general = found.general | ({"sheet": sheet} if sheet else {})
     kept: list[tuple[Segment, dict[str, str]]] = []
     for segment in tables:
-        take_headings(segment, kept[-1][0] if kept else None)
+        take_headings(segment, kept[-1][0] if kept else None, sign)
         facts = facts_of(segment.above, sign)
         kinds = {found_in(KINDS, heading) for heading, _ in segment.headings.values()}
         if not kinds & MECHANICAL and ("no measurement" in kinds or _measures(segment)):

@@ -10,7 +10,7 @@ from .decks import is_deck, rows_of_deck
 from .layout import Found, read_rows, with_specimens
 from .quantities import UNITS, factor, fits, plain, quantities_of, unit_in
 from .table import FAMILIES, QUANTITIES, Block, Column, TableFile
-from .text import Row, decimal_sign, decode, rows_of, value
+from .text import Row, decimal_sign, decode, lengths_in, rows_of, value
 
 LARGEST = 200_000_000
 """Bytes of the largest file: one of tests that is larger has another content."""
@@ -186,7 +186,7 @@ def _workbook(path: Path) -> Found:
     found = Found()
     for name, cells in sheets.items():
         texts = [[one.strip() for one in row if isinstance(one, str)] for row in cells]
-        sign = decimal_sign(texts)
+        sign = decimal_sign(texts, lengths_in(texts))
         rows = [
             Row(
                 number,

@@ -28,6 +28,9 @@ TEXT = ("mode", "specimen", "broke")
 ENTRY = re.compile(r"(.*?\S)\s*(?:[:=]\s*|\t+|\s{2,})(\S.*)")
 """Name and value of an entry in one cell."""
 
+AMOUNT = re.compile(r"([+-]?[\d.,'\u2019\u00a0\u202f]+(?:[eE][+-]?\d+)?)\s*(\D.*)?")
+"""Number and unit of a size in one cell."""
+
 
 @dataclasses.dataclass
 class Segment:
@@ -118,7 +121,7 @@ def _text_columns(above: list[Row], words: set[int], numbers: set[int]) -> set[i
     }
 
 
-def take_headings(segment: Segment, before: Segment | None) -> None:
+def take_headings(segment: Segment, before: Segment | None, sign: str) -> None:
     """Find headings, units and titles of a table in the rows above it, and take these away.
 
     A table without a heading after another one with as many columns has the heading of that.
@@ -148,7 +151,7 @@ def take_headings(segment: Segment, before: Segment | None) -> None:
     if not wide and not units and before and before.columns == columns:
         one = above[-1] if above else segment.rows[0]
         alone = before.rows[-1].number + 1 == one.number == segment.rows[0].number - 1
-        if alone and len(one.filled) == len(columns) and not {*facts_of([one])} & {*FACTS}:
+        if alone and len(one.filled) == len(columns) and not {*facts_of([one], sign)} & {*FACTS}:
             raise ValueError(f"line {one.number}: {one.text(0)!r} is no number")
         segment.headings = before.headings
         if above and _is_title(above[-1], columns):
@@ -207,25 +210,32 @@ def facts_of(rows: list[Row], sign: str = ".") -> dict[str, str]:
     """
     facts: dict[str, str] = {}
     for row in rows:
-        cells = [row.text(place) for place in row.filled]
-        entries = [ENTRY.fullmatch(cell) for cell in cells]
+        cells = [*row.filled.values()]
+        entries = [ENTRY.fullmatch(str(cell)) for cell in cells]
         if len(cells) == 1 and not entries[0]:
-            loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", cells[0])
+            loose = re.match(r"(\D*[^\d\W])\s+([+-]?[\d.,].*)", str(cells[0]))
             entries = [loose if loose and found_in(FACTS, loose[1]) in LENGTHS else None]
         if all(entries):
             cells = [part for entry in entries if entry for part in entry.groups()]
-        while len(cells) > 1 and not re.search(STATISTICS, cells[0].lower()):
-            (name, unit), entry = heading_and_unit(cells[0].rstrip(":= ")), plain(cells[1])
-            if isinstance(value(name, sign), float):
+        while len(cells) > 1 and isinstance(title := cells[0], str):
+            (name, unit), entry = heading_and_unit(title.rstrip(":= ")), cells[1]
+            if re.search(STATISTICS, title.lower()) or isinstance(value(name, sign), float):
                 break
-            taken = 3 if len(cells) > 2 and unit_in(cells[2]) else 2
-            unit = within_brackets(cells[2]) if taken == 3 else unit
-            cells = cells[taken:]
+            third = within_brackets(str(cells[2])) if len(cells) > 2 else ""
+            # Of rates, which no quantity of a table has, only entries have the units.
+            if unit_in(third) or re.fullmatch(r"\w+/[^\W\d]+", third):
+                cells, unit = cells[3:], third
+            else:
+                cells = cells[2:]
             known = found_in(FACTS, name)
-            if known in LENGTHS:
-                amount, _, stated = entry.partition(" ")
-                number, unit = value(amount, sign), stated or unit
-                right = isinstance(number, float) and unit_in(unit or "") and "inal" not in name
-                known, entry = (known, f"{number:.12g}") if right else (None, amount)
+            if isinstance(entry, str):
+                entry = plain(entry)
+                if known in LENGTHS and (parts := AMOUNT.fullmatch(entry)):
+                    entry, unit = value(parts[1], sign), parts[2] or unit
+            if known in LENGTHS and not (
+                isinstance(entry, float) and unit_in(unit or "") and "inal" not in name
+            ):
+                known = None
+            entry = f"{entry:.12g}" if isinstance(entry, float) else entry
             facts.setdefault(known or name, f"{entry} {unit}" if unit else entry)
     return facts

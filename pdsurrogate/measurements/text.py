@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 
-from .quantities import FACTS, KINDS, plain
+from .quantities import FACTS, KINDS, LENGTHS, found_in, plain
 
 ENCODINGS = ["cp1252", "gb18030", "cp932", "euc_jp", "latin_1"]
 """Encodings of machines, beside UTF-8 and UTF-16."""
@@ -153,7 +153,8 @@ def rows_of(text: str) -> tuple[list[Row], str, str]:
     cells = split(bare, separator)
     if separator == " ":
         cells = _words(bare, cells)
-    sign = decimal_sign([row for row, mark in zip(cells, marks, strict=True) if not mark][:SAMPLE])
+    table = [row for row, mark in zip(cells, marks, strict=True) if not mark][:SAMPLE]
+    sign = decimal_sign(table, lengths_in(cells))
     rows = [
         Row(number, [value(cell, sign) for cell in row], mark is not None)
         for number, (row, mark) in enumerate(zip(cells, marks, strict=True), start=1)
@@ -175,8 +176,20 @@ def _words(lines: list[str], cells: list[list[str]]) -> list[list[str]]:
     return found
 
 
-def decimal_sign(cells: list[list[str]]) -> str:
-    """Return the decimal sign of numbers: a point, unless some of them need a comma.
+def lengths_in(cells: list[list[str]]) -> list[str]:
+    """Return the numbers in rows that state sizes of a specimen."""
+    return [
+        word.strip(":=")
+        for row in cells
+        if not _numbers(row) and any(found_in(FACTS, cell) in LENGTHS for cell in row)
+        for cell in row
+        for word in re.split(r"[\s:=]+|(?<=\d)(?=[^\W\d])", cell)
+    ]
+
+
+def decimal_sign(cells: list[list[str]], lengths: Iterable[str]) -> str:
+    """Return the decimal sign of numbers: a point, unless some of them need a comma; the sizes of
+    specimens settle it where tables do not.
 
     Raises
     ------
@@ -193,14 +206,30 @@ def decimal_sign(cells: list[list[str]]) -> str:
         raise ValueError(
             f"the decimal sign is a comma in {needs[',']} and a point in {needs['.']}: use one"
         )
-    if not needs:
-        needs, _ = _signs(cell for row in cells for cell in row)
-    if unclear and len(needs) != 1:
+    sizes, size = _signs(lengths)
+    settled = needs or sizes
+    needs = settled or _signs(cell for row in cells for cell in row)[0]
+    # Points stand in versions and dates as well, which settle no size; commas do not.
+    if len(needs) != 1 or (not settled and "." in needs):
+        unclear = size or (unclear if len(needs) != 1 else "")
+    else:
+        unclear = ""
+    if unclear:
         raise ValueError(
             f"{unclear} can be {unclear.replace(',', '.')} or {unclear.replace(',', '')}, and no"
             " other number settles it: export it with decimal points"
         )
-    return next(iter(needs)) if len(needs) == 1 else "."
+    sign = next(iter(needs)) if len(needs) == 1 else "."
+    other = "," if sign == "." else "."
+    grouped = next(
+        (one for one in lengths if re.fullmatch(rf"[1-9]\d{{0,2}}[{other}]\d{{3}}", one)), None
+    )
+    if grouped and other in sizes:
+        raise ValueError(
+            f"the decimal sign of the table is {sign}, and a size of the specimen is"
+            f" {sizes[other]}, so {grouped} can be two numbers: use one decimal sign"
+        )
+    return sign
 
 
 def _in_groups(cells: list[list[str]], sign: str) -> str | None:

@@ -16,6 +16,11 @@ INTERPOLATED = 40
 1e-4, far below the scatter of any strength, also near the limit of Gent's chains.
 """
 
+NARROWEST = 0.9
+"""Greatest ratio of the least stress between which works are interpolated to the greatest, so that
+stresses that hardly differ, or a single one, lie apart. Chosen: far from rounding and from zero.
+"""
+
 
 def strength_factors(
     places: np.ndarray,
@@ -102,7 +107,7 @@ def works_at_break(
             stress * factor,
             "the greatest of the random strengths",
         )
-        for factor in ends
+        for factor in (min(ends[0], NARROWEST * ends[1]), ends[1])
     )
     states = [homogeneous.uniaxial(law, one) for one in np.linspace(least, greatest, INTERPOLATED)]
     stresses = [one.nominal_stress for one in states]

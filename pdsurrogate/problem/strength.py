@@ -50,7 +50,8 @@ class Zone:
 
     Attributes
     ----------
-    name : str
+    key, name : str
+        Key of the scene with its strength, and name for results.
     stretch, uniaxial : float
         Stretch and nominal stress at break in uniaxial tension.
     work : float
@@ -75,6 +76,7 @@ class Zone:
         Share of the work that must be reached in the disc around a point, of random strengths.
     """
 
+    key: str
     name: str
     stretch: float
     uniaxial: float
@@ -121,8 +123,8 @@ class Strengths:
     Raises
     ------
     ValueError
-        If a material does not reach its strength, has branches or softening, or if the spacing is
-        too coarse; the message names the key.
+        If a material does not reach its strength, has branches or softening, if the spacing is
+        too coarse, or if no disc lies away from clamps; the message names the key.
     """
 
     def __init__(
@@ -179,6 +181,7 @@ class Strengths:
                 except ValueError as error:
                     raise ValueError(f"{key}.strength.scatter: {error}") from None
                 self.zones[-1] = replace(zone, least=least / zone.work)
+        self._check_reach(body, clamped)
         self.least_trace = (
             min(
                 least_trace_of(law, zone.work * zone.least_at(np.arange(len(body))).min(initial=1))
@@ -253,9 +256,25 @@ class Strengths:
         off = 0.0 if strength.at_grips else radius
         numbers = stretch, state.nominal_stress, state.energy_density, length, factor, radius, off
         centers, *others = members
-        zone = Zone(name, *numbers, centers & (clamped >= off), *others)
+        zone = Zone(key, name, *numbers, centers & (clamped >= off), *others)
         self.zones.append(zone)
         return zone
+
+    def _check_reach(self, body: Body, clamped: np.ndarray) -> None:
+        """Raise ValueError if a strength that does not act at grips acts nowhere."""
+        reached = dict[str, np.ndarray]()
+        for zone in self.zones:
+            reached[zone.key] = reached.get(zone.key, False) | zone.centers
+        for zone in self.zones:
+            if zone.off and not body.share.any(bool(reached[zone.key].any())):
+                farthest = body.share.greatest(clamped)
+                raise ValueError(
+                    f"{zone.key}.strength: with at_grips = false it acts from the radius of its"
+                    f" discs on, {zone.radius:.3g}, away from clamps, where no point of"
+                    f" {zone.name} lies (the body has points up to {farthest:.3g} away): use a"
+                    " body that is longer between its clamps (two of them"
+                    f" {2 * zone.radius + body.spacing:.3g} apart would do), or leave at_grips out"
+                )
 
 
 def factor_of(law: Law, stretch: float, plane: str) -> float:

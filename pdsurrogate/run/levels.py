@@ -184,11 +184,12 @@ class Equilibria:
         self._checkpoints.write({"gave_up": self.solver.gave_up}, {})
 
     def _turns_before(self, goal: float) -> list[float]:
-        """Return the values of t on the way to the next output at which amplitudes turn, if the
-        force has a history, which depends on them.
+        """Return the values of t on the way to the next output at which amplitudes turn, if there
+        is a history that depends on them: of the force, or of bonds that may break.
         """
         run = self.run
-        if not run.force.history or self.stage.control is not None:
+        remembers = run.force.history or run.damage is not None
+        if not remembers or self.stage.control is not None:
             return []
         begin = run.state.parameter
         entries = entries_of(run.problem.scene, "prescribed", "loads", "obstacles")

@@ -70,7 +70,9 @@ class Known:
     parameter : float
     positions : ndarray, shape (n, d)
     planes : ndarray, shape (planes,)
-        Displacements of planes of symmetry across themselves.
+        Positions of planes of symmetry.
+    pushes : ndarray, shape (places, obstacles)
+        `Loads.pushes`.
     reactions : Reactions or None
         None in the midst of an avalanche.
     thickness : ndarray, shape (n,), or None
@@ -81,6 +83,7 @@ class Known:
     parameter: float
     positions: np.ndarray
     planes: np.ndarray
+    pushes: np.ndarray
     reactions: Reactions | None
     thickness: np.ndarray | None
     energy: float
@@ -107,7 +110,8 @@ class TearAccount:
         return Known(
             run.state.parameter,
             run.positions.copy(),
-            run.loads.planes_moved.copy(),
+            run.loads.planes.copy(),
+            run.loads.pushes.copy(),
             None if breaking else support_reactions(run.loading, run.loaded),
             run.loaded.thickness(),
             run.strain_energy(),
@@ -190,11 +194,18 @@ class TearAccount:
         run = self._run
         if not run.loads:
             return 0.0
-        run.loads.set(one.parameter)
+        self._set_loads(one)
         moves = new.positions - old.positions, new.planes - old.planes
         work = run.body.share.total(run.loads.power(one.positions, *moves, one.thickness))
-        run.loads.set(new.parameter)
+        self._set_loads(new)
         return work
+
+    def _set_loads(self, one: Known) -> None:
+        """Set the loads to those of an equilibrium, with the pushes of obstacles in it."""
+        loads = self._run.loads
+        loads.set(one.parameter)
+        loads.pushes[:] = one.pushes
+        loads.planes[:] = one.planes
 
     def _close(self) -> None:
         totals = self.totals

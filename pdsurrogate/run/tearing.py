@@ -96,19 +96,26 @@ class Tearing(Equilibria):
         has separated.
         """
         state = self.run.state
-        self._stop = stop
-        end = state.time + time
+        self._output = self._outputs[state.outputs + 1]
+        self._end = state.time + time
+        self._rounding = ROUNDING * time
         equilibrium = self._avalanche(None)
-        while not self.through:
-            left = end - state.time > ROUNDING * time  # also where the loading is held
-            if equilibrium is not None and state.parameter == stop and not left:
-                break
+        while not self.through and (equilibrium is None or not self._is_at(stop)):
             self._pause()
             goal = self._account.expects_event(1 + OVERLOAD / 2, stop)
             share = (goal - state.parameter) / (stop - state.parameter) if goal != stop else 1.0
-            increments = self._path.increments_to(goal, share * (end - state.time))
-            equilibrium = self._avalanche(self._follow_to_event(increments))
+            found = self._follow_to_event(
+                self._path.increments_to(goal, share * (self._end - state.time))
+            )
+            equilibrium = self._avalanche(found)
+            if equilibrium is found and stop != self._output and self._is_at(stop):
+                self._row()  # a turn of the loading, where forces may be greatest
         return equilibrium
+
+    def _is_at(self, stop: float) -> bool:
+        """Return whether the loading has reached `stop`, and the time there if it is held."""
+        state = self.run.state
+        return state.parameter == stop and self._end - state.time <= self._rounding
 
     def _follow_to_event(self, increments: Increments) -> Equilibrium:
         """Return the equilibrium at the end of the present increment, or else the one at which
@@ -163,7 +170,7 @@ class Tearing(Equilibria):
             hangs = self._account.energy > STRANDS * totals.stored
             self.through = self.through or not hangs or self._cracks.separated()
             run.note(run.state.parameter, reason=f"{run.state.crack['broken_bonds']} bonds broken")
-            if not (self.through or run.state.parameter == self._stop):  # where an output follows
+            if not (self.through or self._is_at(self._output)):  # which follows as a row
                 self._row()
         return equilibrium
 
@@ -189,7 +196,7 @@ class Tearing(Equilibria):
         before = Accepted(run, solver)
         tolerance = run.problem.scene.solver.tolerance
         rough = left is not None
-        if not run.force.history and (rough or run.state.parameter != self._stop):
+        if not run.force.history and (rough or run.state.parameter != self._output):
             tolerance = max(tolerance, COARSE if rough else FINE)
         try:
             equilibrium = self._solve(run.state.parameter, tolerance, before.arrays["positions"])
@@ -230,7 +237,7 @@ class Tearing(Equilibria):
         return {"broken_bonds": self.run.state.crack["broken_bonds"]}
 
     def _reports(self, increments: Increments) -> bool:
-        return increments.target == self._stop
+        return increments.target == self._output
 
     def _coarse(self) -> float:
         return FINE

@@ -421,3 +421,47 @@ def test_units_in_words(tmp_path, heading, unit):
     column, _, time = read_tables(path).blocks[0].columns
     assert factor(column.unit, unit) == 1
     assert time.quantities == ("time",)
+
+
+SIZES = (
+    "Dicke;{};mm", "Dicke;{} mm", "Dicke: {} mm", "Dicke = {}mm", "Dicke {} mm", "Dicke (mm);{}",
+    "Dicke in mm;{}", "Dicke/mm: {}", '"Dicke";"{}";"[mm]"', "# Dicke: {} mm",
+    "Datum;01.02.2024\nBreite;4,0;mm;Dicke;{};mm",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("size", ["2,068", "2,07", "2,7", "12,07", "0,5", "2,0700", "2"])
+@pytest.mark.parametrize("form", SIZES)
+def test_sizes_have_the_decimal_sign_of_their_file(form, size, tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(f"{form.format(size)}\n\nWeg (mm);Kraft (N)\n0,0;0\n0,380;1\n0,759;2\n")
+    found = read_tables(path).blocks[0].facts["thickness"]
+    assert found == f"{float(size.replace(',', '.')):.12g} mm"
+
+
+@pytest.mark.parametrize("form", SIZES)
+def test_sizes_settle_the_decimal_sign_where_no_column_does(form, tmp_path):
+    path = tmp_path / "test.csv"
+    table = "\n\nWeg (mm);Kraft (N)\n0;0\n1;1\n2;2\n"
+    path.write_text(form.format("2,07") + table)
+    assert read_tables(path).blocks[0].facts["thickness"] == "2.07 mm"
+    path.write_text(form.format("2,068") + table)
+    if "4,0" in form:
+        assert read_tables(path).blocks[0].facts["thickness"] == "2.068 mm"
+        return
+    with pytest.raises(ValueError, match=r"2,068 can be 2\.068 or 2068"):
+        read_tables(path)
+
+
+def test_sizes_with_another_decimal_sign_than_their_table_are_not_taken_for_thousands(tmp_path):
+    path = tmp_path / "test.csv"
+    table = "\n\nWeg (mm);Kraft (N)\n0.0;0\n0.38;1\n0.75;2\n"
+    path.write_text(f"Breite;4,05;mm\nDicke;2,068;mm{table}")
+    with pytest.raises(ValueError, match="2,068 can be two numbers: use one decimal sign"):
+        read_tables(path)
+
+
+def test_entries_keep_units_of_rates(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("Rate;200;mm/min\n\nWeg (mm);Kraft (N)\n0,0;0\n0,5;1\n1,0;2\n")
+    assert read_tables(path).blocks[0].facts == {"Rate": "200 mm/min"}

@@ -205,6 +205,26 @@ def test_without_strength_at_grips_no_disc_lies_within_a_radius_of_clamps():
     assert not run.problem.strengths.summary[0]["at_grips"]
 
 
+def test_a_strength_that_would_act_nowhere_is_refused():
+    """Discs of a radius of 0.29 in a body of 0.5 between clamps; the radius of a material within
+    it that has the same strength is of no account.
+    """
+    clamps = [{"edge": "bottom"}, {"edge": "top", "travel": 1}]
+    fracture = {"energy": WORK, "strength": {"stretch": 4.0, "at_grips": False}}
+    short = {"shape": "rectangle", "size": [1.2, 0.5]}
+    with pytest.raises(pds.scenes.SceneError, match=r"fracture\.strength: with at_grips = false"):
+        started(scene(grips=clamps, fracture=fracture, body=short))
+    tab = {"regions": {"tab": {"box": [[0, 0], [1.2, 0.2]]}}}
+    parts = [{"region": "tab", "material": RUBBER}]
+    zones = started(
+        scene(grips=clamps, fracture=fracture, materials=parts, **tab)
+    ).problem.strengths.zones
+    assert [bool(one.centers.any()) for one in zones] == [True, False]
+    parts[0]["fracture"] = fracture
+    with pytest.raises(pds.scenes.SceneError, match=r"materials\.0\.fracture\.strength: with"):
+        started(scene(grips=clamps, fracture=fracture, materials=parts, **tab))
+
+
 def test_the_critical_stretch_acts_at_fronts_alone():
     """Bonds beyond their critical stretch break only at points of a cut, or that have lost bonds,
     also after a checkpoint was read.
