@@ -4,6 +4,7 @@ and what is refused.
 
 import dataclasses
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -243,6 +244,14 @@ def test_settings_of_dynamics_say_how_far_a_slow_tear_goes():
 def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"fracture.process: needs dynamics, or process"):
         strip(fracture={"energy": 1.0, "process": "dynamics"})
+
+
+def test_a_scene_that_does_not_tear_slowly_does_not_load_it(monkeypatch):
+    names = ["pdsurrogate.run.tearing", "pdsurrogate.run.tear_account"]
+    for name in names:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    pds.simulate(strip(spacing=0.25, precuts=[], fracture=None), "bond-energy")
+    assert not {*names} & sys.modules.keys()
 
 
 def test_of_each_place_the_most_loaded_bonds_break_first():
