@@ -31,8 +31,8 @@ of a crack. Sheets of linear bonds tore within 12 % of Griffith's load at 1.6.
 STRETCHES = (1.0, 1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, math.inf)
 SHARES = (0.0, 0.04, 0.147, 0.342, 0.538, 0.733, 0.822, 0.911, 0.947, 1.0)
 """Share of the way from the factor of small strains to that of large ones, 1, by stretch at break,
-from finite elements of a long cut in an incompressible neo-Hookean sheet
-(`pipelines/strength_factors.py`).
+from finite elements of a long cut in an incompressible neo-Hookean sheet (theory, section 32; the
+finite elements are not part of this repository).
 """
 
 TRACE_STEP, SAMPLES = 1.02, 9

@@ -16,7 +16,6 @@ from .derivatives import differentiate
 from .lowest_mode import lowest_mode_of
 from .run import Run
 from .standard_errors import standard_errors
-from .tear_account import tear_entry
 
 
 def _peak(history: list[dict]) -> dict | None:
@@ -112,6 +111,8 @@ def result_of(
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.tear is not None:
+        from .tear_account import tear_entry  # what most scenes do not need
+
         summary["quasi_static"] = tear_entry(run)
     if state.crack is not None:
         summary |= (

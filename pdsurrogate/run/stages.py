@@ -11,7 +11,6 @@ from .checkpoints import Checkpoints
 from .controlled import displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
-from .tearing import Tearing
 from .transient import Transient
 
 
@@ -87,7 +86,11 @@ def _stage_of(
     stage = run.stages[run.state.stage]
     if stage.inertia is not None:
         return Transient(run, stage, checkpoints)
-    return (Tearing if stage.tears else Equilibria)(run, stage, solver, checkpoints)
+    if stage.tears:
+        from .tearing import Tearing  # what most scenes do not need
+
+        return Tearing(run, stage, solver, checkpoints)
+    return Equilibria(run, stage, solver, checkpoints)
 
 
 def _begin(run: Run) -> float:

@@ -2,7 +2,9 @@
 and what is refused.
 """
 
+import dataclasses
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from bodies import sheet
 from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
+from pdsurrogate.cli.simulation import print_result
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.program import stages_of
 from pdsurrogate.run import checkpoints, tearing
@@ -262,6 +265,14 @@ def test_what_does_not_fit_is_refused():
         strip(fracture={"energy": 1.0, "process": "dynamics"})
 
 
+def test_a_scene_that_does_not_tear_slowly_does_not_load_it(monkeypatch):
+    names = ["pdsurrogate.run.tearing", "pdsurrogate.run.tear_account"]
+    for name in names:
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    pds.simulate(strip(spacing=0.25, precuts=[], fracture=None), "bond-energy")
+    assert not {*names} & sys.modules.keys()
+
+
 def test_of_each_place_the_most_loaded_bonds_break_first():
     """Two places farther apart than a horizon, in a sheet that is stretched more and more along
     x1, and one bond as long as the first within a difference.
@@ -303,3 +314,25 @@ def test_a_killed_slow_tear_resumes_to_the_same_bits(tmp_path, monkeypatch, bond
     for key in ("crack", "quasi_static", "n_force_evaluations"):
         assert resumed.summary[key] == whole.summary[key]
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+
+
+@pytest.mark.parametrize(
+    ("status", "since", "said"),
+    [
+        ("done", 0, "the body holds together, and its force was still rising"),
+        ("done", 7, "the body holds together Energy"),
+        ("failed", 7, "failed before the body came apart: its peak is a lower bound"),
+    ],
+)
+def test_a_force_rises_only_where_no_bond_broke_after_the_peak(torn, status, since, said, capsys):
+    """A run that ends in an avalanche has its row before the first of its bonds as its last."""
+    peak = torn.summary["crack"]["peak"]
+    last = next(row for row in torn.history if row["nominal_stress"] == peak["nominal_stress"])
+    crack = {"through": False, "broken_bonds": last["broken_bonds"] + since}
+    ended = dataclasses.replace(
+        torn,
+        summary=torn.summary | {"status": status, "crack": torn.summary["crack"] | crack},
+        history=torn.history[: torn.history.index(last) + 1],
+    )
+    print_result(ended)
+    assert said in " ".join(capsys.readouterr().out.split())
