@@ -309,11 +309,17 @@ def _print_crack(result: Result) -> None:
             else f"Greatest force: {units.amount(peak['force'], 'force', '.5g')} of"
             f" {peak['name']} at t = {peak['t']:.4f}"
         )
-    rising = peak and all(
-        peak.get(key) == result.history[-1].get(key) for key in ("time", "stretch", "t")
-    )
-    holds = f"the body holds together{', and its force was still rising' if rising else ''}"
-    body = "the body has come apart" if crack["through"] else holds
+    if crack["through"]:
+        body = "the body has come apart"
+    elif summary["status"] == "failed":
+        body = "the run failed before the body came apart: its peak is a lower bound"
+    else:
+        # A row before bonds that have broken since is not the last state.
+        now = {"broken_bonds": crack["broken_bonds"]}
+        last = now | (result.history[-1] if result.history else {})
+        at_peak = {key: each for key, each in (peak or {}).items() if key not in ("force", "name")}
+        rising = peak and (at_peak | now).items() <= last.items()
+        body = f"the body holds together{', and its force was still rising' if rising else ''}"
     out.print(
         f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few"
         f" bonds left; {body}"

@@ -171,8 +171,8 @@ class StudyResult:
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def cautions(self) -> list[str]:
-        """Return texts of warnings: of asked quantities that no successful run has, and of states
-        outside the domain of a surrogate.
+        """Return texts of warnings: of asked quantities that no successful run has, of states
+        outside the domain of a surrogate, and of peaks of runs that failed.
 
         Returns
         -------
@@ -201,6 +201,16 @@ class StudyResult:
             found.append(
                 f"{len(outside)} runs (first {outside[0]}) left the domain of the surrogate; see"
                 " fraction_outside_domain"
+            )
+        peaks = [
+            one[RUN] for one in self.failures if any("peak" in key and one[key] for key in one)
+        ]
+        read = {place: read_json(self.folder / RUNS / place / SUMMARY) or {} for place in peaks}
+        cut = [place for place in peaks if not read[place].get("converged")]
+        if cut:
+            found.append(
+                f"peaks of the {len(cut)} runs (first {cut[0]}) that failed are lower bounds, up to"
+                " their failure: means leave these runs out"
             )
         return found
 

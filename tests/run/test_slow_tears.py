@@ -2,6 +2,7 @@
 and what is refused.
 """
 
+import dataclasses
 import itertools
 import sys
 
@@ -11,6 +12,7 @@ from bodies import sheet
 from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
+from pdsurrogate.cli.simulation import print_result
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.program import stages_of
 from pdsurrogate.run import checkpoints, tearing
@@ -130,6 +132,25 @@ def test_a_stable_tear_follows_its_load(opened):
     assert not opened.summary["crack"]["through"]
     forces = [abs(row["force_up_2"]) for row in opened.history]
     assert forces[-1] < 0.95 * max(forces)
+
+
+def test_what_softens_in_a_fall_is_not_released():
+    """Gradients change where bonds break, and there softening takes energy: of the fall."""
+    stiff = {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}
+    softening = {"r": 1.5, "m": 0.1, "beta": 0.0}
+    scene = strip(
+        spacing=1 / 8,
+        body={"shape": "rectangle", "size": [2.0, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.7, 0.5]}],
+        regions={"upper": {"box": [[0.0, 0.5], [2.0, 1.0]]}},
+        materials=[{"region": "upper", "material": {**stiff, "softening": softening}}],
+        stretches=[1.33],
+        fracture={"critical_stretch": 1.6},
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    damped = [row["damped_energy"] for row in result.history]
+    assert result.history[-1]["broken_bonds"] > 2
+    assert min(np.diff(damped)) > -1e-9
 
 
 def test_a_load_that_turns_between_outputs_tears_as_far_as_it_goes(opened):
@@ -293,3 +314,25 @@ def test_a_killed_slow_tear_resumes_to_the_same_bits(tmp_path, monkeypatch, bond
     for key in ("crack", "quasi_static", "n_force_evaluations"):
         assert resumed.summary[key] == whole.summary[key]
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+
+
+@pytest.mark.parametrize(
+    ("status", "since", "said"),
+    [
+        ("done", 0, "the body holds together, and its force was still rising"),
+        ("done", 7, "the body holds together Energy"),
+        ("failed", 7, "failed before the body came apart: its peak is a lower bound"),
+    ],
+)
+def test_a_force_rises_only_where_no_bond_broke_after_the_peak(torn, status, since, said, capsys):
+    """A run that ends in an avalanche has its row before the first of its bonds as its last."""
+    peak = torn.summary["crack"]["peak"]
+    last = next(row for row in torn.history if row["nominal_stress"] == peak["nominal_stress"])
+    crack = {"through": False, "broken_bonds": last["broken_bonds"] + since}
+    ended = dataclasses.replace(
+        torn,
+        summary=torn.summary | {"status": status, "crack": torn.summary["crack"] | crack},
+        history=torn.history[: torn.history.index(last) + 1],
+    )
+    print_result(ended)
+    assert said in " ".join(capsys.readouterr().out.split())

@@ -437,6 +437,8 @@ def test_seeds_are_repetitions_and_failed_runs_are_not_in_the_mean():
     ]
     rows[0] |= {"crack.path.stray": 0.1}  # the others have no path
     rows += [{"run": "4", "body.seed": 4, "force": "neo-hookean", "peak": 100.0, "failure": "lost"}]
+    (caution,) = pds.studies.StudyResult(study, Path(), rows).cautions()
+    assert "peaks of the 1 runs (first 4) that failed are lower bounds" in caution
     found = pds.studies.StudyResult(study, Path(), rows).means()
     assert found == [{"force": "neo-hookean", "runs": 3, "peak.mean": 4.0, "peak.deviation": 2.0}]
     assert (
