@@ -118,7 +118,8 @@ class TestFacts(TableFacts):
     area : str, optional
         Undeformed cross-section, such as "12 mm2"; or `width` and thickness, or `diameter`.
     width : str, optional
-        Undeformed width, such as "6 mm"; of trousers that of a leg.
+        Undeformed width, such as "6 mm"; of trousers that of a leg, or "leg" or "specimen": whose
+        width the file states.
     diameter : str, optional
         Undeformed diameter, such as "5 mm".
     strain : str, optional

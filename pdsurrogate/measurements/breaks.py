@@ -6,13 +6,21 @@ import numpy as np
 
 from .branches import FALLEN, LEAST, strain_of
 
+GRIPS = r"(grip|jaw|clamp|klemm|einspann|backe|\bmors|m[âa]choire|mordaza|夹|つかみ)"
+ELSEWHERE = (
+    r"\b(not?|away|outside|between|nicht|kein\w*|außerhalb|zwischen|pas|hors|entre|fuera)"
+    rf"( (at|in|on|near|from|of|the|any|an|am|der|den|die|à|aux?|la|les?|des?|en|las)\b)* {GRIPS}"
+)
+"""Words for grips, and for places that are not at them."""
+
 WORDS = {
-    "grips": r"grip|jaw|clamp|klemm|einspann|backe|\bmors|m[âa]choire|mordaza|夹|つかみ",
+    "grips": rf"^(?!.*{ELSEWHERE}).*{GRIPS}",
     "slipped": r"slip|rutsch|gliss|desli[zc]|滑",
     "limit": r"limit|travel|overload|stopped|abgebroch|end of (stroke|test)|grenze|lastung|course"
     r"|未断",
-    "no": r"^(no|false|0|nein|non|否)\b|\b(not|un)[ -]?broken",
-    "yes": r"^(yes|true|1|ja|oui|s[ií]|是)\b|gauge|middle|broken?\b|break|bruch|rupture|rotura|断",
+    "no": rf"^(?!.*{ELSEWHERE})(no|false|0|nein|non|否)\b|\b(not|un)[ -]?broken",
+    "yes": r"^(yes|true|1|ja|oui|s[ií]|是)\b|gauge|middle|broken?\b|break|bruch|rupture|rotura|断"
+    rf"|{ELSEWHERE}",
 }
 """Words for how a test ended; the first kind that is found counts."""
 

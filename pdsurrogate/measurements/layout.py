@@ -93,6 +93,12 @@ def read_rows(rows: list[Row], found: Found, sheet: str = "", sign: str = ".") -
             kept[-1][0].rows += segment.rows
         else:
             kept.append((segment, general))
+            # sizes are also those of the specimens that follow, how a test ended is not
+            general = {
+                name: one
+                for name, one in general.items()
+                if name != "broke" or name in found.general
+            }
     for segment, facts in kept:
         split = groups(segment)
         if common := {*split[0]}.intersection(*split[1:]) if len(split) > 1 else ():

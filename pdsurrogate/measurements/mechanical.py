@@ -30,6 +30,9 @@ OWN = "table of this project"
 
 BRANCHES = "loading", "unloading", "all"
 
+AXES = {"equibiaxial": 2}
+"""Number of directions in which the stress of a mode works, where it is not 1."""
+
 SAME = 1e-3
 """Relative difference of the ends of tests that ended at a limit of the machine, not by breaking:
 a tenth of the least scatter that any laboratory has."""
@@ -335,7 +338,7 @@ def _specimen(readings, title, mode, rows, before, stretch, stress) -> Specimen:
             at_break = AtBreak(
                 float(stretch[peak]),
                 float(stress[peak]),
-                float(np.trapezoid(stress[last], stretch[last])),
+                AXES.get(mode, 1) * float(np.trapezoid(stress[last], stretch[last])),
                 drops,
                 no_strength,
             )

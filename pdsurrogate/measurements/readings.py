@@ -38,7 +38,7 @@ class Readings:
         self.missing: list[str] = []
         self.used: set[str] = set()
         self.unit: str | None = None
-        self._true_stress = False
+        self._true_stress = self._unknown_mode = False
         self.resolution = 0.0
 
     def _column(self, quantity: str) -> Column | None:
@@ -104,6 +104,7 @@ class Readings:
             )
         if not own and stated is None:
             self.missing.append(f"the mode of loading is not stated: --mode {'|'.join(ALL_MODES)}")
+            self._unknown_mode = True
             return None
         if own - {*ALL_MODES, BIAXIAL}:
             self.assumed.append(f"a {', '.join(own)} test, which is not used")
@@ -233,7 +234,8 @@ class Readings:
             size = self.area()
         if size is None:
             if needed:
-                self.missing.append(NEEDED[quantity])
+                unless = self._unknown_mode and quantity == "extension"
+                self.missing.append(NEEDED[quantity] + ", unless it is a trouser" * unless)
             return None
         values = values / size
         if quantity == "true-strain":

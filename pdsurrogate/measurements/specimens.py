@@ -34,7 +34,7 @@ class Facts:
         "trouser" or "pure-shear-tear".
     gauge_length, area, width, thickness, diameter : str, optional
         Of the undeformed specimen, with units: "25 mm", "12mm2"; the width of trousers is that of
-        a leg.
+        a leg, or says whose width the file states: "leg" or "specimen".
     columns : mapping, optional
         Column of a quantity (`pdsurrogate.measurements.table.QUANTITIES`, "strain" or "stress") by
         its heading or its number from 1: ``{"force": "Kraft", "stress": 2}``.

@@ -4,8 +4,13 @@ strip in pure shear grows.
 
 import numpy as np
 
+from .plausible import AGREE
+from .quantities import amount_in
 from .readings import Readings
 from .specimens import SHEAR_TEAR, TROUSER, Specimen, Tear
+
+LEG, SPECIMEN = "leg", "specimen"
+"""Whose width a file states, for users of files of trousers."""
 
 LEAST_STEADY = 0.25
 """Least part of a test in which the force is steady. Chosen: legs of usual length are straight and
@@ -17,12 +22,12 @@ def torn_legs(readings: Readings, modes: list[str] | None) -> list[Tear] | None:
     """Return the tears of a table of trouser tests, None for other tables."""
     if not modes or {*modes} != {TROUSER}:
         return None
-    force, area = readings.numbers("force"), readings.area()
-    width, thickness = readings.size("width"), readings.size("thickness")
+    force, thickness = readings.numbers("force"), readings.size("thickness")
+    width = leg_width(readings)
     if not readings.has_unit("force"):
         readings.missing.append("the force on the legs: --column force=HEADING, --unit force=N")
-    if not (width and thickness and area):
-        readings.missing.append("width of a leg and thickness: --width '7.5 mm' --thickness '2 mm'")
+    if not thickness:
+        readings.missing.append("the thickness of the legs: --thickness '2 mm'")
     if readings.missing:
         return []
     readings.unit = readings.facts.stress_unit or "MPa"
@@ -46,6 +51,33 @@ def torn_legs(readings: Readings, modes: list[str] | None) -> list[Tear] | None:
         stress = float(readings.in_wanted_unit(np.array(mean / (width * thickness))))
         found.append(Tear(name, TROUSER, float(width), stress))
     return found
+
+
+def leg_width(readings: Readings) -> float | None:
+    """Return the width of a leg in mm, and say whose width the file's is; None, with a remark, if
+    nobody says so.
+    """
+    stated, own = readings.facts.width, readings.block.facts.get("width")
+    words = {LEG: 1, SPECIMEN: 2}
+    if stated is None or (stated in words and own is None):
+        asked = "the width of a leg: --width '7.5 mm'"
+        whose = f"whose width the file's {own} is, of a leg or of both: --width {LEG}|{SPECIMEN}"
+        readings.missing.append(whose if own else asked)
+        return None
+    readings.used.add("width")
+    whole = amount_in(own, "mm", f"{readings.where}: the file's width") if own else None
+    if whole and stated in words:
+        width = whole / words[stated]
+    else:
+        width = amount_in(stated, "mm", f"{readings.where}: --width")
+    if whole and not any(abs(whole - each * width) <= AGREE * whole for each in words.values()):
+        raise ValueError(
+            f"{readings.where}: --width {stated} is stated for a leg, but the file says {own},"
+            " which is neither that of a leg nor that of both"
+        )
+    twice = f", half of the specimen's {whole:g} mm" if whole and whole > 1.5 * width else ""
+    readings.assumed.append(f"the width of a leg is {width:g} mm{twice}")
+    return width
 
 
 def steady_force(force: np.ndarray, along: np.ndarray) -> tuple[int, int, float, float] | None:

@@ -209,12 +209,10 @@ def decimal_sign(cells: list[list[str]], lengths: Iterable[str]) -> str:
     sizes, size = _signs(lengths)
     settled = needs or sizes
     needs = settled or _signs(cell for row in cells for cell in row)[0]
-    # Points stand in versions and dates as well, which settle no size; commas do not.
-    if len(needs) != 1 or (not settled and "." in needs):
-        unclear = size or (unclear if len(needs) != 1 else "")
-    else:
-        unclear = ""
-    if unclear:
+    if len(needs) == 1:
+        # Points stand in versions and dates as well, which settle no size; commas do not.
+        unclear, size = "", "" if settled or "," in needs else size
+    if unclear := unclear or size:
         raise ValueError(
             f"{unclear} can be {unclear.replace(',', '.')} or {unclear.replace(',', '')}, and no"
             " other number settles it: export it with decimal points"

@@ -188,8 +188,7 @@ class Equilibria:
         is a history that depends on them: of the force, or of bonds that may break.
         """
         run = self.run
-        remembers = run.force.history or run.damage is not None
-        if not remembers or self.stage.control is not None:
+        if self.stage.control is not None or not (run.force.history or run.damage):
             return []
         begin = run.state.parameter
         entries = entries_of(run.problem.scene, "prescribed", "loads", "obstacles")

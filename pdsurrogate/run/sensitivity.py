@@ -81,7 +81,7 @@ rounding limits the derivatives.
 
 SINGULAR = 1e-2
 """Estimated error of the derivatives of the displacements, relative to the greatest one, beyond
-which the tangent counts as singular.
+which the tangent counts as singular, unless rounding explains it.
 """
 
 TINY = 1e-9
@@ -167,6 +167,8 @@ class _Change:
         Derivatives of the measurements.
     history : ndarray
         Derivative of the history that contains the equilibrium, flat.
+    step : float
+        Change of the parameter in differences.
     rounding : float
         Norm of the rounding errors of `forces`.
     """
@@ -177,6 +179,7 @@ class _Change:
     pushes: np.ndarray
     measured: np.ndarray
     history: np.ndarray
+    step: float
     rounding: float
 
 
@@ -358,7 +361,8 @@ class Differentiated:
                 left = left + self.system.loaded.of_contact(along.pushes - pushes)
                 pushes = along.pushes
             (wrong, size), before = equations.estimate(left), size
-            share = float(np.abs(wrong).max()) / max(float(np.abs(moved).max()), least)
+            off = float(np.abs(wrong).max())
+            share = off / max(float(np.abs(moved).max()), least)
             last = measured
             measured = along.measured
             if number == 0:  # there are no earlier derivatives to compare with
@@ -369,7 +373,10 @@ class Differentiated:
             idle = idle + 1 if ratio > IDLE else 0
             if (close and share <= (LEAST_EXACT if names else EXACT)) or share <= TINY or idle == 2:
                 break
-        if share > SINGULAR:
+        # what rounding of bond strains moves a body by is no sign of a singular tangent: the
+        # parameter may have no effect
+        rounded = self.rounded * float(np.ptp(self.system.body.points, axis=0).max())
+        if share > SINGULAR and off * along.step > rounded:
             raise NotConverged(
                 "the linear equations of the tangent are not solved: it is nearly singular"
             )
@@ -437,8 +444,13 @@ class Differentiated:
     @property
     def balanced(self) -> float:
         """Residual of the equilibria that are differentiated."""
+        return max(BALANCED, self.rounded)
+
+    @property
+    def rounded(self) -> float:
+        """Residual that rounding of the positions leaves, in the unit of `balanced`."""
         rounding = strain_rounding(self.system.body, self.system.positions)
-        return max(BALANCED, ROUNDED_STRAIN * self.contrast * rounding)
+        return ROUNDED_STRAIN * self.contrast * rounding
 
     @property
     def contrast(self) -> float:
@@ -566,7 +578,8 @@ class Differentiated:
         motion = motion.reshape(system.positions.shape)
         forces = forces.reshape(system.positions.shape)
         rounding = ROUNDED * max(sizes) / step
-        return _Change(name, motion, forces, found.reshape(shape), measured, history, rounding)
+        pushed = found.reshape(shape)
+        return _Change(name, motion, forces, pushed, measured, history, step, rounding)
 
     def values_of(self, names: Sequence[str]) -> np.ndarray:
         """Return the named measurements where the force was last evaluated; NaN for one that

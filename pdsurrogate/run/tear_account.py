@@ -157,11 +157,13 @@ class TearAccount:
         self._close()
 
     def energy_left(self) -> float:
-        """Return the energy that is left after bonds broke, at constant positions; NaN where it is
-        undefined.
+        """Return the energy that is left after bonds broke, at constant positions: that of which
+        the forces are the derivative, since what softening takes of it there is not accepted. NaN
+        where it is undefined.
         """
-        self._run.force.pass_bonds(np.zeros_like(self._run.positions))
-        return self._run.strain_energy()
+        run = self._run
+        run.force.pass_bonds(np.zeros_like(run.positions))
+        return run.body.share.total(run.force.energy()) if run.force.has_energy else np.nan
 
     def fall(self, left: float | None) -> None:
         """Count the energy of bonds that have just broken, which leave `left` (None if none has),

@@ -98,15 +98,13 @@ class Tearing(Equilibria):
         state = self.run.state
         self._output = self._outputs[state.outputs + 1]
         self._end = state.time + time
-        self._rounding = ROUNDING * time
         equilibrium = self._avalanche(None)
         while not self.through and (equilibrium is None or not self._is_at(stop)):
             self._pause()
             goal = self._account.expects_event(1 + OVERLOAD / 2, stop)
             share = (goal - state.parameter) / (stop - state.parameter) if goal != stop else 1.0
-            found = self._follow_to_event(
-                self._path.increments_to(goal, share * (self._end - state.time))
-            )
+            increments = self._path.increments_to(goal, share * (self._end - state.time))
+            found = self._follow_to_event(increments)
             equilibrium = self._avalanche(found)
             if equilibrium is found and stop != self._output and self._is_at(stop):
                 self._row()  # a turn of the loading, where forces may be greatest
@@ -115,7 +113,7 @@ class Tearing(Equilibria):
     def _is_at(self, stop: float) -> bool:
         """Return whether the loading has reached `stop`, and the time there if it is held."""
         state = self.run.state
-        return state.parameter == stop and self._end - state.time <= self._rounding
+        return state.parameter == stop and self._end - state.time <= ROUNDING * self._end
 
     def _follow_to_event(self, increments: Increments) -> Equilibrium:
         """Return the equilibrium at the end of the present increment, or else the one at which

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pdsurrogate.measurements import read_tests
-from pdsurrogate.measurements.breaks import weibull_modulus
+from pdsurrogate.measurements.breaks import WORDS, weibull_modulus
+from pdsurrogate.measurements.quantities import found_in
 
 STRETCH = np.linspace(1, 3, 81)
 
@@ -55,6 +56,18 @@ def test_a_break_that_is_said_needs_no_drop_of_the_load(tmp_path, above, columns
     assert not read(written(tmp_path / "1.csv", *curve(3.0, drop=False))).at_break
 
 
+@pytest.mark.parametrize(("mode", "directions"), [("equibiaxial", 2), ("pure-shear", 1)])
+def test_the_work_at_break_is_that_in_all_directions(tmp_path, mode, directions):
+    """Strain energy density of neo-Hookean rubber; held directions do no work."""
+    stretch = np.linspace(1, 3, 401)
+    power = {2: 5, 1: 3}[directions]
+    stress = np.append(0.6 * (stretch - stretch**-power), 0.0)
+    path = written(tmp_path / "0.csv", np.append(stretch, 3.02), stress)
+    tests = read_tests(path, mode=mode, gauge_length="25 mm", area="12 mm2")
+    energy = {2: 0.3 * (2 * 3**2 + 3**-4 - 3), 1: 0.3 * (3**2 + 3**-2 - 2)}[directions]
+    assert tests.at_break[mode]["work"][0] == pytest.approx(energy, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("above", "stated", "why"),
     [
@@ -70,6 +83,41 @@ def test_what_is_said_to_be_no_strength_is_none(tmp_path, above, stated, why):
     assert not tests.at_break
     assert tests.specimens[0].chosen.sum() == 81  # the rows before are good
     assert why in " ".join(tests.assumed)
+
+
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        ("not at the jaw", "yes"),
+        ("Between the grips", "yes"),
+        ("nicht an der Klemme", "yes"),
+        ("no jaw break", "yes"),
+        ("no", "no"),
+        ("did not break, slipped out of the grips", "grips"),
+        ("jaw no. 2", "grips"),
+    ],
+)
+def test_places_that_are_not_at_the_grips_are_none(said, kind):
+    assert found_in(WORDS, said) == kind
+
+
+def test_where_a_specimen_broke_is_not_said_of_the_next_one(tmp_path):
+    """Sizes that are stated once are those of all."""
+    entries = ["Width,6,mm\nThickness,2,mm\nFailure location,jaw\n", "", "Broke,yes\n", ""]
+    tables = []
+    for number, above in enumerate(entries):
+        stretch, stress = curve(2.6 + 0.1 * number)
+        rows = zip((stretch - 1) * 25, stress * 12, strict=True)
+        table = "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
+        heads = "Extension,Load\n(mm),(N)\n"
+        tables.append(f"Specimen label,T{number}\n{above}\n{heads}{table}\n")
+    path = tmp_path / "0.csv"
+    path.write_text("".join(tables))
+    tests = read_tests(path, mode="uniaxial", gauge_length="25 mm")
+    assert [one.at_break.no_strength for one in tests.specimens] == [
+        "it broke at the grips",
+        *[None] * 3,
+    ]
 
 
 def test_a_specimen_that_slips_has_no_strength(tmp_path):

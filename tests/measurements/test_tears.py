@@ -61,7 +61,8 @@ def test_what_a_trouser_test_leaves_open_is_asked_for(tmp_path):
     path = trouser(tmp_path / "0.csv", np.full(200, 6.0), "Extension,Load")
     missing = " ".join(read_tests(path, mode="trouser").missing)
     assert "the force on the legs" in missing
-    assert "width of a leg" in missing
+    assert "the width of a leg" in missing
+    assert "the thickness of the legs" in missing
     rising = tmp_path / "1.csv"
     force = np.r_[np.linspace(0, 20, 200), 0.0]
     rows = zip(np.linspace(0, 60, 201), force, strict=True)
@@ -69,6 +70,41 @@ def test_what_a_trouser_test_leaves_open_is_asked_for(tmp_path):
     tests = read_tests(rising, **LEGS)
     assert not tests.tears
     assert "as of legs that break" in " ".join(tests.assumed)
+
+
+@pytest.mark.parametrize(
+    ("stated", "width"),
+    [
+        ("7.5 mm", 7.5),
+        ("15 mm", 15.0),
+        ("leg", 15.0),
+        ("specimen", 7.5),
+        ("9 mm", 0.0),
+        (None, 0.0),
+    ],
+)
+def test_whose_width_the_file_of_trousers_states_is_said(stated, width, tmp_path):
+    head = "Width,15,mm\nThickness,2.0,mm\n\nExtension (mm),Load (N)"
+    path = trouser(tmp_path / "0.csv", np.full(200, 6.0), head)
+    facts = {"mode": "trouser"} | ({"width": stated} if stated else {})
+    if stated == "9 mm":
+        with pytest.raises(ValueError, match="neither that of a leg nor that of both"):
+            read_tests(path, **facts)
+        return
+    tests = read_tests(path, **facts)
+    if stated is None:
+        (missing,) = tests.missing
+        assert "whose width the file's 15 mm is" in missing
+        return
+    assert tests.tears[0].length == width
+    assert f"the width of a leg is {width:g} mm" in tests.assumed[0]
+
+
+def test_a_file_without_a_mode_may_be_of_a_trouser_which_needs_no_gauge_length(tmp_path):
+    path = trouser(tmp_path / "0.csv", np.full(200, 6.0))
+    assert "gauge length: --gauge-length '25 mm', unless it is a trouser" in " ".join(
+        read_tests(path).missing
+    )
 
 
 def test_a_cut_strip_in_pure_shear_tears_at_the_work_of_its_height(tmp_path):

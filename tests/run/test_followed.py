@@ -125,6 +125,23 @@ def test_derivatives_of_a_body_with_a_hole_are_those_of_converged_runs():
         assert column == pytest.approx(expected, abs=1e-6 * np.abs(expected).max()), parameter
 
 
+def test_a_branch_that_nothing_excites_has_no_effect():
+    """After a hold of a hundred relaxation times, its overstress is below rounding; it acts again
+    when the strip is let go.
+    """
+    clamped = [{"edge": "left"}, {"edge": "right", "travel": 1.0}]
+    body = {"shape": "rectangle", "size": [2.0, 1.0]}
+    changes = {"stretches": [1.3, 1.3, 1.3, 1.1], "times": [0.4, 1.5, 6.0, 6.4], "grips": clamped}
+    scene = scene_of([{"modulus": 0.01, "time": 0.04}], body=body, **changes)
+    result = pds.simulate(scene, "bond-energy")
+    names = ["material.branches.0.time", "material.branches.0.modulus"]
+    held = result.sensitivity(["nominal_stress"], names, level=2)
+    assert np.abs(held.derivatives * [0.04, 0.01]).max() < 1e-8
+    found = result.sensitivity(["nominal_stress"], names)
+    expected = [by_runs(scene, name, ["nominal_stress"])[0] for name in names]
+    assert found.derivatives[0] == pytest.approx(expected, abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("branch", "parameter", "words"),
     [

@@ -134,6 +134,25 @@ def test_a_stable_tear_follows_its_load(opened):
     assert forces[-1] < 0.95 * max(forces)
 
 
+def test_what_softens_in_a_fall_is_not_released():
+    """Gradients change where bonds break, and there softening takes energy: of the fall."""
+    stiff = {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}
+    softening = {"r": 1.5, "m": 0.1, "beta": 0.0}
+    scene = strip(
+        spacing=1 / 8,
+        body={"shape": "rectangle", "size": [2.0, 1.0]},
+        precuts=[{"start": [-1.0, 0.5], "end": [0.7, 0.5]}],
+        regions={"upper": {"box": [[0.0, 0.5], [2.0, 1.0]]}},
+        materials=[{"region": "upper", "material": {**stiff, "softening": softening}}],
+        stretches=[1.33],
+        fracture={"critical_stretch": 1.6},
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    damped = [row["damped_energy"] for row in result.history]
+    assert result.history[-1]["broken_bonds"] > 2
+    assert min(np.diff(damped)) > -1e-9
+
+
 def test_a_load_that_turns_between_outputs_tears_as_far_as_it_goes(opened):
     """The turn is in the history too, and unloading breaks nothing."""
     sides = [("up", 1.0), ("down", -1.0)]
