@@ -13,8 +13,9 @@ LEG, SPECIMEN = "leg", "specimen"
 """Whose width a file states, for users of files of trousers."""
 
 LEAST_STEADY = 0.25
-"""Least part of a test in which the force is steady. Chosen: legs of usual length are straight and
-stretched after a third of it; a force that rises until it falls is never steady.
+"""Least part of a test, to the end of the tear, in which the force is steady. Chosen: legs of usual
+length are straight and stretched after a third of it; a force that rises until it falls is never
+steady.
 """
 
 
@@ -84,23 +85,32 @@ def steady_force(force: np.ndarray, along: np.ndarray) -> tuple[int, int, float,
     """Return the first and last row of the steady part of a test, the mean force over the
     extension `along` in it, and its deviation; None if no part of it is steady.
 
-    It lasts from the first to the last row in which the force reaches its own mean.
+    It lasts to the last row in which the force reaches its own median, from the first one, or, if
+    a greater force starts the tear, from where the force has fallen to the median. What follows the
+    last row with half of the greatest force is no part of the test.
     """
     if not (np.diff(along) >= 0).all() or not np.ptp(along) > 0:
         along = np.arange(len(force), dtype=float)
-    level, steady = force.max() / 2, None
-    while level > 0:
-        rows = np.flatnonzero(force >= level)
-        first, last = int(rows[0]), int(rows[-1])
-        length = along[last] - along[first]
-        if length < LEAST_STEADY * np.ptp(along):
-            return None
+    level = force.max() / 2
+    if not level > 0:
+        return None
+    first, last = np.flatnonzero(force >= level)[[0, -1]]
+    least = LEAST_STEADY * (along[last] - along[0])
+    shares = np.gradient(along) if len(along) > 1 else np.zeros(1)
+    while along[last] - along[first] >= max(least, np.finfo(float).tiny):
         part, places = force[first : last + 1], along[first : last + 1]
-        mean = float(np.trapezoid(part, places) / length)
-        if (steady is not None and (first, last) == steady[:2]) or mean < level:
+        order = np.argsort(part)
+        below = np.cumsum(shares[first : last + 1][order])
+        median = part[order][np.searchsorted(below, below[-1] / 2)]
+        if median <= level:
+            length = places[-1] - places[0]
+            mean = float(np.trapezoid(part, places) / length)
             deviation = np.sqrt(np.trapezoid((part - mean) ** 2, places) / length)
-            return first, last, mean, float(deviation)
-        level, steady = mean, (first, last)
+            return int(first), int(last), mean, float(deviation)
+        level = median
+        first, last = np.flatnonzero(force >= level)[[0, -1]]
+        over = np.append(force[first + 1 :] > level, False)
+        first = min(first + int(over.argmin()) + bool(over[0]), len(force) - 1)
     return None
 
 

@@ -8,6 +8,7 @@ from pdsurrogate.identification.tearing import off_at_break, tearing_energies
 from pdsurrogate.materials import NeoHookean, homogeneous
 from pdsurrogate.measurements import read_tests
 from pdsurrogate.measurements.specimens import MechanicalTests, Tear
+from pdsurrogate.measurements.tears import steady_force
 
 LAW = NeoHookean(0.5, 500.0)
 WIDTH, THICKNESS, HEIGHT = 7.5, 2.0, 20.0
@@ -39,6 +40,21 @@ def test_steady_and_jerking_trousers_have_their_energy(tmp_path):
         assert energy == pytest.approx(exact, rel=0.015)
         assert deviation is None
         assert "the force on the legs is" in " ".join(tests.assumed)
+
+
+@pytest.mark.parametrize(
+    ("peak", "end", "deviation"),
+    [(9.0, 140, 0.0), (15.0, 140, 0.0), (9.0, 60, 0.0), (15.0, 140, 0.1), (9.0, 60, 0.1)],
+)
+def test_a_peak_before_the_tear_and_zeros_after_it_are_no_part_of_it(peak, end, deviation):
+    along = np.linspace(0, 140, 281)
+    force = np.where(along < 30, along / 30 * peak, 9.0) * (along <= end)
+    force += deviation * np.random.default_rng(1).standard_normal(281)
+    first, last, mean, _ = steady_force(force, along)
+    assert mean == pytest.approx(9.0, rel=1e-12 if not deviation else 0.01)
+    assert along[[first, last]] == pytest.approx([30, end], abs=4)
+    for rising in (np.minimum(along, 280 - 2 * along), np.sin(np.pi * along / 140), along**0.5):
+        assert steady_force(rising, along) is None
 
 
 def test_units_and_scatter_of_trousers(tmp_path):
