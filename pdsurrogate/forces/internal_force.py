@@ -18,11 +18,10 @@ import scipy
 from ..body import Body
 from ..body.body import lengths_of
 from ..materials import Law
-from ..materials.states import determinant
 from .binding import Binding, MaterialPart
 from .interface_search import YIELDING
 from .interfaces import Interfaces
-from .kinematics import Kinematics, matrices
+from .kinematics import Kinematics
 from .settings import ForceSettings
 from .term import MaterialTerm, StateArray, Term
 from .volume_energy import LinearizedDilatation
@@ -294,21 +293,11 @@ class InternalForce:
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
-    def deformation_gradients(self) -> np.ndarray:
-        """Return the deformation gradients F of the points at the positions last set, shape (n,
-        d, d).
+    def deformation_gradients(self, images: bool = False) -> np.ndarray:
+        """Return the deformation gradients F of the points, or of their `images` (ghosts), at the
+        positions last set, shape (n, d, d).
         """
-        return self._kinematics.deformation_gradients()
-
-    def inverted_images(self, chosen: np.ndarray) -> np.ndarray:
-        """Return the numbers of those of the `chosen` points, flags with a shape (n + ghosts,),
-        that have an image turned inside out, det F <= 0, at the positions last set.
-        """
-        self._kinematics.form_gradients()
-        source = self.body.ghosts.source
-        asked = np.flatnonzero(chosen[source])
-        of_images = matrices(self._kinematics.gradients[len(self.body) + asked])
-        return np.unique(source[asked[~(determinant(of_images) > 0)]])
+        return self._kinematics.deformation_gradients(images)
 
     @property
     def supported(self) -> np.ndarray:

@@ -66,8 +66,11 @@ class Cracks:
         if not run.state.crack["broken_bonds"]:
             return np.empty(0, dtype=np.int64)
         ratios = determinant(run.force.deformation_gradients()[self._torn])
-        inverted = run.force.inverted_images(self._lost)
-        collapsed = np.union1d(self._torn[~(ratios > LEAST_RATIO)], inverted)
+        source = run.body.ghosts.source
+        turned = ~(determinant(run.force.deformation_gradients(images=True)) > 0)
+        collapsed = np.union1d(
+            self._torn[~(ratios > LEAST_RATIO)], source[turned & self._lost[source]]
+        )
         crushed = run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
             return collapsed
