@@ -293,11 +293,11 @@ class InternalForce:
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
-    def deformation_gradients(self) -> np.ndarray:
-        """Return the deformation gradients F of the points at the positions last set, shape (n,
-        d, d).
+    def deformation_gradients(self, images: bool = False) -> np.ndarray:
+        """Return the deformation gradients F of the points, or of their `images` (ghosts), at the
+        positions last set, shape (n, d, d).
         """
-        return self._kinematics.deformation_gradients()
+        return self._kinematics.deformation_gradients(images)
 
     @property
     def supported(self) -> np.ndarray:

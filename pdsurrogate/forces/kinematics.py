@@ -320,10 +320,13 @@ class Kinematics:
             self._form_gradients()
             self.formed = True
 
-    def deformation_gradients(self) -> np.ndarray:
-        """Return the deformation gradients F of the body's points, shape (n, d, d)."""
+    def deformation_gradients(self, images: bool = False) -> np.ndarray:
+        """Return the deformation gradients F of the body's points, or of the ghosts if `images`,
+        shape (n, d, d).
+        """
         self.form_gradients()
-        return matrices(self.gradients[: len(self.body)])
+        n = len(self.body)
+        return matrices(self.gradients[n:] if images else self.gradients[:n])
 
 
 def find_shapes(

@@ -56,8 +56,8 @@ class Cracks:
 
         At a crack front or on a fragment a point may have so few bonds left that their deformation
         gradient is meaningless. If it turns the point inside out, or compresses it to a tenth of
-        its area or volume (`LEAST_RATIO`), all bonds of the point break. For a point with all its
-        bonds det F <= 0 is an error.
+        its area or volume (`LEAST_RATIO`), all bonds of the point break, also if its image beyond
+        a grip is turned inside out. For a point with all its bonds det F <= 0 is an error.
         """
         run = self.run
         bonds = run.body.bonds
@@ -66,7 +66,11 @@ class Cracks:
         if not run.state.crack["broken_bonds"]:
             return np.empty(0, dtype=np.int64)
         ratios = determinant(run.force.deformation_gradients()[self._torn])
-        collapsed = self._torn[~(ratios > LEAST_RATIO)]
+        source = run.body.ghosts.source
+        turned = ~(determinant(run.force.deformation_gradients(images=True)) > 0)
+        collapsed = np.union1d(
+            self._torn[~(ratios > LEAST_RATIO)], source[turned & self._lost[source]]
+        )
         crushed = run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
             return collapsed

@@ -126,3 +126,28 @@ def test_a_plane_holds_only_what_bonds_join_to_images_in_it():
     intact[bonds.second >= len(points)] = False
     assert [len(one) for one in run.loading.ends(intact)] == [0, 0]
     assert all(len(one) for one in run.loading.ends())
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_sheet_torn_off_a_clamp_is_through(timed):
+    """The weakest square lies at the lower clamp, whose points keep no bond to it."""
+    scatter = {"modulus": 10.0, "length": 0.5, "specimen": [2.0, 3.0], "seed": 2}
+    program = (
+        {"dynamics": {"stretch": 3.5, "stretch_rate": 0.1, "density": 1.0}}
+        if timed
+        else {"dynamics": None, "stretches": [3.5]}
+    )
+    given = scene(
+        {},
+        spacing=0.25,
+        horizon_ratio=2.2,
+        body={"shape": "rectangle", "size": [2.0, 3.0]},
+        grips=[{"edge": "bottom"}, {"edge": "top", "travel": 1}],
+        fracture={"energy": 4.0, "strength": {"stretch": 2.0, "scatter": scatter}},
+        **program,
+    )
+    result = pds.simulate(given, "bond-energy", threads=1)
+    crack = result.summary["crack"]
+    assert (crack["start"]["cause"], crack["through"]) == ("strength", True)
+    assert crack["start"]["x"][1] < 0.5 or crack["start"]["x"][1] > 2.5
+    assert result.history[-1]["stretch"] < 3.5
