@@ -222,7 +222,6 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
             "fracture.critical_stretch: Input should be greater than 1",
         ),
         ({"fracture": {}}, "fracture: needs exactly one of critical_stretch, energy"),
-        ({"fracture": {"critical_stretch": 2.0}}, "fracture: needs dynamics"),
         (
             {"dynamics": {"stretch": 1.1, "stretch_rate": 1, "density": 1}},
             "dynamics.stretch: must be greater than the last entry of stretches",
