@@ -32,9 +32,10 @@ class Cracks:
         self.run = run
         self.timed = timed
         self.damage = run.damage
-        # Flags of points and ghosts that have lost bonds, and the numbers of such points.
+        # Flags of points and ghosts that have lost bonds, the numbers of such points, and those of
+        # their ghosts.
         self._lost = np.zeros(len(run.body.all_points), dtype=bool)
-        self._torn = np.empty(0, dtype=np.int64)
+        self._torn = self._torn_images = np.empty(0, dtype=np.int64)
         self._count_lost(np.flatnonzero(run.damage.broken))
         if run.state.crack is None:
             run.state.crack = {
@@ -66,10 +67,10 @@ class Cracks:
         if not run.state.crack["broken_bonds"]:
             return np.empty(0, dtype=np.int64)
         ratios = determinant(run.force.deformation_gradients()[self._torn])
-        source = run.body.ghosts.source
-        turned = ~(determinant(run.force.deformation_gradients(images=True)) > 0)
+        turned = ~(determinant(run.force.deformation_gradients(images=True)[self._torn_images]) > 0)
         collapsed = np.union1d(
-            self._torn[~(ratios > LEAST_RATIO)], source[turned & self._lost[source]]
+            self._torn[~(ratios > LEAST_RATIO)],
+            run.body.ghosts.source[self._torn_images[turned]],
         )
         crushed = run.force.collapsed_pairs()
         if not share.any(len(collapsed) or len(crushed)):
@@ -96,6 +97,7 @@ class Cracks:
         bonds = self.run.body.bonds
         self._lost[bonds.first[pairs]] = self._lost[bonds.second[pairs]] = True
         self._torn = np.flatnonzero(self._lost[: len(self.run.body)])
+        self._torn_images = np.flatnonzero(self._lost[self.run.body.ghosts.source])
 
     def break_bonds(self, pairs: np.ndarray, cause: str = "energy") -> None:
         """Break pairs, given by number, in one event: update damage, force and the summary about
