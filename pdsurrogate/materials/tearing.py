@@ -63,12 +63,7 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     """
     check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
     stress = force / (leg_width * thickness)
-    stretch = stretch_at(
-        law,
-        lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress,
-        stress,
-        "that stress",
-    )
+    stretch = stretch_at_stress(law, stress)
     return (
         2 * force * stretch / thickness
         - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
@@ -81,6 +76,13 @@ def check_positive(values: dict[str, float]) -> None:
         check_number(value, f"the {name}")
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"the {name} must be positive and finite, not {value}")
+
+
+def stretch_at_stress(law: Law, stress: float, what: str = "that stress") -> float:
+    """Return the uniaxial stretch at which a law has a nominal stress, see `stretch_at`."""
+    return stretch_at(
+        law, lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress, stress, what
+    )
 
 
 def stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:

@@ -8,7 +8,7 @@ import scipy
 
 from ..body import Body
 from ..materials import Law, homogeneous
-from ..materials.tearing import stretch_at
+from ..materials.tearing import stretch_at_stress
 from ..scenes.strength import Scatter
 
 INTERPOLATED = 40
@@ -101,12 +101,7 @@ def works_at_break(
     times each of the `factors`, shape (n,), all between `ends`.
     """
     least, greatest = (
-        stretch_at(
-            law,
-            lambda one: homogeneous.uniaxial(law, one).nominal_stress,
-            stress * factor,
-            "the greatest of the random strengths",
-        )
+        stretch_at_stress(law, stress * factor, "the greatest of the random strengths")
         for factor in (min(ends[0], NARROWEST * ends[1]), ends[1])
     )
     states = [homogeneous.uniaxial(law, one) for one in np.linspace(least, greatest, INTERPOLATED)]

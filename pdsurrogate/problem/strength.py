@@ -13,7 +13,7 @@ import scipy
 from ..body import Body
 from ..discretization import contained
 from ..materials import PLANES, Law, homogeneous
-from ..materials.tearing import stretch_at
+from ..materials.tearing import stretch_at_stress
 from ..scenes import Scene
 from ..scenes.loading_checks import names_of_materials
 from ..scenes.model import Criterion
@@ -235,12 +235,7 @@ class Strengths:
                     "the material has branches or softening, so that its work at break depends on"
                     " how it is loaded; leave them or the strength out"
                 )
-            stretch = strength.stretch or stretch_at(
-                law,
-                lambda one: homogeneous.uniaxial(law, one).nominal_stress,
-                strength.uniaxial or 0.0,
-                "that stress",
-            )
+            stretch = strength.stretch or stretch_at_stress(law, strength.uniaxial or 0.0)
             state = homogeneous.uniaxial(law, stretch)
             length = given.energy / state.energy_density
             factor = factor_of(law, stretch, plane)
