@@ -21,6 +21,20 @@ def sheet():
     return Body.rectangle(3.0, 1.0, 0.02, 0.063)
 
 
+def waved_block(sides):
+    """Return a block (or square) of side 1 with so many points along its sides, two states of it,
+    and the waves in both, shape (n, d) each.
+    """
+    d = len(sides)
+    places = np.meshgrid(*[(np.arange(n) + 0.5) / n for n in sides], indexing="ij")
+    points = np.stack(places, axis=-1).reshape(-1, d)
+    width, reach = 1 / sides[0], 1.75 if d == 3 else 3.15
+    body = Body(points, np.full(len(points), width**d), reach * width, width)
+    waves = 0.02 * np.sin(9 * points[:, ::-1])
+    first, last = (points * np.array(a)[:d] + waves for a in ([1.4, 0.9, 0.8], [1.3, 0.9, 0.9]))
+    return body, first, last, waves
+
+
 def bench_positions(body, law):
     """Return positions of a body's points, shape (n, 2), in uniaxial tension to stretch 2, with
     waves that make bond states differ.

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 from cases import of_rows, report
+from clock import waved_block
 
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
@@ -54,15 +55,9 @@ def of_points(points):
     error = "" if points == 1 else np.abs(branch_stress(points) - branch_stress(REFERENCE)).max()
     figures = []
     for plane, sides in (("strain", (60, 60)), ("stress", (60, 60)), ("space", (16, 16, 16))):
-        d = len(sides)
-        places = np.meshgrid(*[(np.arange(n) + 0.5) / n for n in sides], indexing="ij")
-        at = np.stack(places, axis=-1).reshape(-1, d)
-        width, reach = 1 / sides[0], 1.75 if d == 3 else 3.15
-        body = pds.Body(at, np.full(len(at), width**d), reach * width, width)
+        body, first, last, waves = waved_block(sides)
         force = pds.BondEnergyForce().bind(body, law(points), pds.ForceSettings(plane=plane))
-        waves = 0.02 * np.sin(9 * at[:, ::-1])
-        first, last = (at * np.array(a)[:d] + waves for a in ([1.4, 0.9, 0.8], [1.3, 0.9, 0.9]))
-        out = np.empty_like(at)
+        out = np.empty_like(first)
         taken = np.empty((TURNS, 3))
         with thread_count(1):
             for turn in taken:

@@ -544,25 +544,21 @@ def of_memory():
     """
     import tracemalloc
 
+    from clock import waved_block
+
     from pdsurrogate.engine.threads import thread_count
     from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
 
     memories = [Memory(tuple(Branch(1.0, 4.0**k) for k in range(n))) for n in (0, 1, 4)]
     memories.append(Memory(softening=Softening(1.5, 0.1, 0.1)))
     for plane, sides in (("strain", (90, 90)), ("stress", (90, 90)), ("space", (20, 20, 20))):
-        d = len(sides)
-        places = np.meshgrid(*[(np.arange(n) + 0.5) / n for n in sides], indexing="ij")
-        points = np.stack(places, axis=-1).reshape(-1, d)
-        width, reach = 1 / sides[0], 1.75 if d == 3 else 3.15
-        body = pds.Body(points, np.full(len(points), width**d), reach * width, width)
-        waves = 0.02 * np.sin(9 * points[:, ::-1])
-        first, last = (points * np.array(a)[:d] + waves for a in ([1.4, 0.9, 0.8], [1.3, 0.9, 0.9]))
-        out, forces, held = np.empty_like(points), [], []
+        body, first, last, _ = waved_block(sides)
+        out, forces, held = np.empty_like(first), [], []
         for memory in memories:
             tracemalloc.start()
             law = NeoHookean(bulk_modulus=100.0, memory=memory)
             force = pds.BondEnergyForce().bind(body, law, pds.ForceSettings(plane=plane))
-            held.append(tracemalloc.get_traced_memory()[0] / len(points) / 1e3)
+            held.append(tracemalloc.get_traced_memory()[0] / len(body) / 1e3)
             tracemalloc.stop()
             force.elapse(0.3)
             force(first, out)
