@@ -95,6 +95,7 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
 
 
 def _stages_of(scene: Scene) -> tuple[Stage, ...]:
+    """Return the stages of a scene as it states them, those in dynamics included."""
     if not scene.stretched:
         return tuple(
             Stage(

@@ -32,7 +32,7 @@ class Failing(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """What breaks the pairs: "strength", or "energy" if it breaks one of them."""
+        """Name of what breaks the pairs: "strength", or "energy" if it breaks one of them."""
         return "strength" if self.by_strength.all() else "energy"
 
 

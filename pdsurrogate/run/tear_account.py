@@ -63,7 +63,7 @@ class Totals:
 
 @dataclass
 class Known:
-    """What the account needs of an equilibrium.
+    """State of a body in equilibrium, as far as its energy account needs it.
 
     Attributes
     ----------

@@ -47,7 +47,9 @@ MEASURED = (
     WrapValidator(lambda value, number: value if value == ARTIFACT else number(value)),
     PlainSerializer(lambda value: value),
 )
-"""Of numbers that may be `ARTIFACT`, which a run with an artifact replaces before all else."""
+"""Annotations of numbers for which `ARTIFACT` may stand, which a run with an artifact replaces
+before all else.
+"""
 
 Point = tuple[Finite, Finite]
 """A place or a direction in the plane, for parts that lie in the plane alone."""
