@@ -273,8 +273,9 @@ class Criterion(StrictModel):
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
         behind the artifact that is the material or the force of the run.
-        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -312,8 +313,9 @@ class InterfaceFracture(Criterion):
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
         behind the artifact that is the material or the force of the run.
-        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -338,8 +340,9 @@ class Fracture(Criterion):
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
         behind the artifact that is the material or the force of the run.
-        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
