@@ -31,8 +31,8 @@ def export(
     *,
     to: Annotated[
         Literal[
-            *("felupe", "umat", "ufl", "c", "abaqus-card", "calculix-card", "ansys", "ls-dyna"),
-            *("openradioss", "febio", "mfront"),
+            *("felupe", "umat", "calculix-umat", "ufl", "c", "abaqus-card", "calculix-card"),
+            *("ansys", "ls-dyna", "openradioss", "febio", "mfront"),
         ],
         Option("--to", help="Program or language."),
     ],
