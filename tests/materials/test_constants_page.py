@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pdsurrogate as pds
+from pdsurrogate.cards.constants import as_read
+from pdsurrogate.cards.programs import PROGRAMS as CARDS
 from pdsurrogate.materials import LAWS, PLANES
+from pdsurrogate.scenes import load_scene
 
 PAGE = Path(__file__).parents[2] / "docs/guide/constants.md"
 
@@ -184,6 +188,76 @@ def test_felupe_means_what_the_page_says(row):
         h = 1e-5
         ahead, behind = (np.trace(cauchy((1 + s) ** (1 / 3) * np.eye(3))) / 3 for s in (h, -h))
         assert (ahead - behind) / (2 * h) == pytest.approx(K, rel=1e-8)
+
+
+CONVENTIONS = ("calculix", "abaqus", "ansys", "ls-dyna", "openradioss", "febio")
+
+
+def convention_of(row):
+    return row["program"].split()[0].strip(",").lower()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        row
+        for row in PROGRAMS
+        if convention_of(row) in CONVENTIONS and row["law there"] != "`LAW82`"
+    ],
+    ids=row_of,
+)
+def test_scenes_take_the_constants_by_their_names(row):
+    """Ogden's law of OpenRadioss is LAW42."""
+    form = FORMS[row["form"]]
+    constants = constants_in(EXAMPLES[row["form"]]["constants"])
+    K, mu = 50.0, value(form["initial shear modulus"], **constants)
+    bulk = {"K": K, "D": 2 / K, "D1": 2 / K, "nu": (3 * K - 2 * mu) / (6 * K + 2 * mu)}
+    letters = {key + "1" * (np.ndim(found) > 0): np.sum(found) for key, found in constants.items()}
+    given = {
+        name: float(value(meaning or name, **letters, **bulk))
+        for name, meaning in re.findall(r"`(\w+)`(?: \(([^)]*)\))?", row["its constants"])
+    }
+    given |= {"law": form["`law` here"], "convention": convention_of(row)}
+    scene = load_scene("uniaxial", {"material": given})
+    found, wanted = scene.material.build(), law_here(form, constants, K)
+    assert type(found) is type(wanted)
+    assert found.shear_modulus == pytest.approx(mu, rel=1e-9)
+    assert found.bulk_modulus == pytest.approx(K, rel=1e-9)
+    assert found.shape == pytest.approx(wanted.shape, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"convention": "abacus"}, "unknown convention 'abacus'; did you mean abaqus"),
+        ({"law": "gent"}, "calculix has no law 'gent'; it has"),
+        ({"mu": 1.0}, "neo-hookean of calculix has no constant 'mu'; it has"),
+        ({"C10": "2"}, "C10 must be a number, not '2'"),
+        ({"C10": 0.0}, "its initial shear modulus is 0"),
+        ({"D1": 0.0}, "calculix states no bulk modulus: give bulk_modulus"),
+    ],
+)
+def test_what_is_no_constant_of_the_program_is_refused(given, message):
+    material = {"law": "neo-hookean", "convention": "calculix", "C10": 0.5, "D1": 0.02}
+    with pytest.raises(pds.SceneError, match=re.escape(message)):
+        load_scene("uniaxial", {"material": material | given})
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in PROGRAMS if convention_of(row) == "calculix"], ids=row_of
+)
+def test_cards_that_calculix_runs_have_the_energies_of_the_page(row):
+    """tests/cards and tests/export compare CalculiX with these laws."""
+    form = FORMS[row["form"]]
+    constants = constants_in(EXAMPLES[row["form"]]["constants"])
+    law = law_here(form, constants)
+    read = as_read(law, CARDS["calculix-card"].forms[law.name].U)
+    exact = difference(form, constants, *TENSION)
+    assert difference_here(read, *TENSION) == pytest.approx(exact, rel=1e-9)
+    scale = law.bulk_modulus / law.shear_modulus
+    U = [read.volumetric(J, read.parameters)[0] / scale for J in (0.9, 1.1)]
+    told = [value(VOLUMES[row["U"]]["energy"], K=1.0, J=J) for J in (0.9, 1.1)]
+    assert pytest.approx(told, rel=1e-9) == U
 
 
 def test_the_table_of_programs_refers_to_the_others():
