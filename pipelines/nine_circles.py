@@ -36,6 +36,14 @@ def torn(size, spacing, **keys):
     return pds.simulate(pds.Scene.model_validate(base | keys), "bond-energy", threads=1).summary
 
 
+def rate(size, spacing, **keys):
+    """The energy release rate of the elastic body with the same cut."""
+    base = {"name": "elastic", "spacing": spacing, "material": LAW.describe()}
+    base |= {"body": {"shape": "rectangle", "size": size}, "horizon_ratio": 2.2, **keys}
+    found = pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
+    return found.levels[-1]["cracks"][0]["energy_release_rate"]
+
+
 def stretch_at(stress_at, stress):
     """The stretch at which a law has a nominal stress."""
     return scipy.optimize.brentq(lambda one: stress_at(one) - stress, 1 + 1e-9, 3.0)
@@ -84,13 +92,14 @@ def pure_shear(height, spacing, **keys):
     size = [2.6 * height, height]
     cut = [{"start": [-1, height / 2], "end": [1.1 * height, height / 2]}]
 
-    def rate(stretch):
+    def released(stretch):
         return height * homogeneous.pure_shear(LAW, stretch).energy_density
 
-    grown = stretch_at(rate, ENERGY)
+    grown = stretch_at(released, ENERGY)
     ends = [1 + 0.8 * (grown - 1), 1 + 1.1 * (grown - 1)]
     summary = torn(size, spacing, precuts=cut, grips=CLAMPS, stretches=ends, **keys)
-    yield result("pure shear", height, spacing, summary, rate(summary["crack"]["peak"]["stretch"]))
+    found = released(summary["crack"]["peak"]["stretch"])
+    yield result("pure shear", height, spacing, summary, found)
 
 
 def result(name, size, spacing, summary, found):
@@ -122,10 +131,7 @@ def cantilever(height, spacing, **fracture):
     ends = [0.05 * height, {"to": 0.3 * height, "outputs": 5}]
     summary = torn(size, spacing, steps=ends, **keys, **fracture)
     opening = summary["crack"]["peak"]["t"]
-    base = {"name": "elastic", "spacing": spacing, "material": LAW.describe(), "steps": [opening]}
-    base |= {"body": {"shape": "rectangle", "size": size}, "horizon_ratio": 2.2, **keys}
-    elastic = pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
-    rates = elastic.levels[-1]["cracks"][0]["energy_release_rate"]
+    rates = rate(size, spacing, steps=[opening], **keys)
     yield result("double cantilever", height, spacing, summary, rates)
 
 
@@ -147,25 +153,25 @@ def griffith(name, *given):
 
 
 def notched(length, spacing):
-    """An edge cut in tension: nominal stress at the peak, Griffith's for small strains (with
-    Tada's factor) and the strength.
+    """An edge cut between rollers: nominal stress at the peak, that at which the elastic body has
+    the tearing energy, by the square, and the strength of the ligament.
     """
     side = max(4 * length, 1.6)
-    part = length / side
-    factor = math.sqrt(2 / (math.pi * part) * math.tan(math.pi * part / 2))
-    factor *= 0.752 + 2.02 * part + 0.37 * (1 - math.sin(math.pi * part / 2)) ** 3
-    factor /= math.cos(math.pi * part / 2)
-    griffith = math.sqrt(YOUNG * ENERGY / (math.pi * length)) / factor
-    cut = [{"start": [-1, side / 2], "end": [length, side / 2]}]
-    least = stretch_at(
-        lambda one: homogeneous.uniaxial(LAW, one).nominal_stress, 0.6 * min(griffith, UNIAXIAL)
-    )
-    summary = torn([side, side], spacing, precuts=cut, grips=ROLLERS, stretches=[least, 1.4])
-    peak = summary["crack"]["peak"]["nominal_stress"]
+    keys = {
+        "precuts": [{"start": [-1, side / 2], "end": [length, side / 2]}],
+        "grips": ROLLERS,
+    }
+    start = stretch_at(UNIFORM["uniaxial"][1], 0.04 / math.sqrt(max(length, 0.1)))
+    summary = torn([side, side], spacing, stretches=[start, 1.4], **keys)
+    peak = summary["crack"]["peak"]
+    fine = min(spacing, length / 8)  # a shorter one has no region around its tip
+    released = rate([side, side], fine, stretches=[peak["stretch"]], **keys)
+    griffith = peak["nominal_stress"] * math.sqrt(ENERGY / released)
     length_c = summary["strength"][0]["length"]
     gap = summary["quasi_static"]["greatest_energy_gap"]
-    start = summary["crack"]["start"]["cause"]
-    yield length / length_c, spacing, start, peak, griffith, UNIAXIAL * (1 - part), gap
+    cause = summary["crack"]["start"]["cause"]
+    part = UNIAXIAL * (1 - length / side)
+    yield length / length_c, spacing, cause, peak["nominal_stress"], griffith, part, gap
 
 
 if __name__ == "__main__":
