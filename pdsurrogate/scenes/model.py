@@ -1,6 +1,7 @@
 """Parts of a scene, such as its material, grips and units, and all keys of a scene."""
 
 import dataclasses
+import warnings
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -153,7 +154,8 @@ class MaterialSpec(StrictModel):
     softening : SofteningSpec, optional
         Softening below the greatest energy so far.
     **extra_data : float or list of float
-        Parameters of the law.
+        Parameters of the law. ``card`` in the place of `law` is the path of a file with a material
+        card of another program, ``name`` a material in it; other parameters replace its own.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -169,6 +171,8 @@ class MaterialSpec(StrictModel):
     def _from_name(cls, value: Any) -> Any:
         if isinstance(value, Law):  # in Python: as a regressor has found it
             return value.describe()
+        if isinstance(value, Mapping) and "card" in value:
+            return _of_card(dict(value))
         if isinstance(value, Mapping) and "artifact" in value:
             if len(value) > 1:
                 other = next(key for key in value if key != "artifact")
@@ -261,6 +265,22 @@ class MaterialSpec(StrictModel):
         False
         """
         return bool(self.branches or self.prony or self.softening)
+
+
+def _of_card(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of a material whose ``card`` is a file, with the other keys given."""
+    from ..cards.reading import read_card
+
+    if "law" in given:
+        raise ValueError("card states the law; remove law")
+    card = str(given.pop("card"))
+    keys, _, remarks = read_card(card, str(given.pop("name", "")))
+    for remark in remarks:
+        warnings.warn(f"{card}: {remark}", stacklevel=2)
+    keys |= given
+    if "bulk_modulus" not in keys:
+        raise ValueError(f"{card} states no bulk modulus: give bulk_modulus beside card")
+    return keys
 
 
 class Criterion(StrictModel):
