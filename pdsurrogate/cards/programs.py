@@ -155,11 +155,13 @@ def _programs() -> dict[str, Program]:
     text = resources.files(__package__).joinpath("programs.toml").read_text("utf-8")
     given = tomllib.loads(text)
     for name, own in given.items():
-        described = {**given.get(own.pop("like", ""), {}), **own}
-        forms = {
-            law: Form(law, **{key: tuple(v) if type(v) is list else v for key, v in each.items()})
-            for law, each in described["forms"].items()
-        }
+        like = given.get(own.pop("like", ""), {"forms": {}})
+        described = {**like, **own}
+        forms = {}
+        for law in {**like["forms"], **own.get("forms", {})}:
+            form = {**like["forms"].get(law, {}), **own.get("forms", {}).get(law, {})}
+            form = {key: tuple(v) if type(v) is list else v for key, v in form.items()}
+            forms[law] = Form(law, **form)
         keys = {compact(key) for form in forms.values() for key in form.keys} - {""}
         longest_first = sorted(map(re.escape, keys), key=len, reverse=True)
         described["heads"] = described["heads"].replace("{keys}", "|".join(longest_first))

@@ -90,7 +90,7 @@ def read_text(text: str, source: str, name: str = "") -> tuple[dict, Form, tuple
     else:
         names = ", ".join(program.program for program in PROGRAMS.values())
         raise ValueError(f"{source}: no line begins a hyperelastic material of {names}")
-    chosen = [head for head in heads if not name or head.name.upper() == name.upper()]
+    chosen = [head for head in heads if not name or compact(head.name) == compact(name)]
     if len(chosen) != 1:
         names = ", ".join(head.name for head in heads)
         raise ValueError(f"{source}: name one of its hyperelastic materials: {names}")
@@ -120,7 +120,7 @@ def _heads(program: Program, lines: list[_Line]) -> Iterator[_Head]:
     name = ""
     for at, line in enumerate(lines):
         if named := _matched(program.names, line):
-            name = named[1]
+            name = named[1].strip('"')
         if head := _matched(program.heads, line):
             parts = head.groupdict()
             yield _Head(at, name or parts.get("name") or f"line {line.number}", parts)
@@ -168,10 +168,8 @@ def _read(
                 raise ValueError(number, f"{field.label} = {text} means what no law here does")
     for number, text in texts.values():
         if program.named or (text and _number(number, text)):
-            if number > used:
-                raise ValueError(
-                    number, "constants that depend on temperature or rate are not here"
-                )
+            if number > used or program.width:
+                raise ValueError(number, f"{text} is of temperature, rate or another law")
             remarks.append(f"line {number}: {text} is left out")
     D = [one or np.inf for one in values.get("D", [0.0])]
     extra = sum(i * 0.1 ** (2 * i - 2) * D[0] / one for i, one in enumerate(D[1:], start=2))

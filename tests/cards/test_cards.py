@@ -137,7 +137,7 @@ READ = {
     "*Material, name=A\n*Density\n1e-9\n*Hyperelastic, n=1\n .2, .1, 0.05\n": M.MooneyRivlin(
         0.6, 40.0, second_share=1 / 3
     ),
-    "*MATERIAL,NAME=A\n*HYPERELASTIC,REDUCED POLYNOMIAL,N=2\n0.2,2.D-2,.05\n": M.Yeoh(
+    '*material, name="My rubber"\n**\n*HYPERELASTIC, Reduced polynomial, N=2\n.2,2.D-2,.05': M.Yeoh(
         0.4, 40.0, second=0.1, third=0.0
     ),
     "*HYPERELASTIC, MODULI=LONG TERM, OGDEN\n.45, 3., .05": EXAMPLES["ogden"],
@@ -170,7 +170,7 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
         ("*ELASTIC\n1, 0.3\n", "no line begins a hyperelastic material of Abaqus, CalculiX"),
         (HEAD + "0.2, x\n", "line 3: 'x' is not a number"),
         (HEAD + "-0.2, 0.05\n", "line 2: its initial shear modulus is -0.4"),
-        (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: constants that depend on temperature"),
+        (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: .1 is of temperature"),
         (HEAD + ".2, .05\n*VISCOELASTIC, TIME=PRONY\n.1,,1\n", "line 4: .*VISCOELASTIC"),
         (HEAD + ".2, .05\n" + HEAD.replace("=A", "=B") + ".1, .05\n", "materials: A, B"),
         ("*HYPERELASTIC, TEST DATA INPUT, YEOH\n", "line 1: TESTDATAINPUT is not read"),
@@ -178,7 +178,11 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
         ("*HYPERELASTIC, REDUCED POLYNOMIAL, N=4\n1,,,1\n", "line 1: no law here has all"),
         ("*HYPERELASTIC, YEOH\n.2, -1., 0., .05\n", "line 1: yeoh: second = -5"),
         ("*MAT_077_H\n1, 1., .49\n.2, .1, .3\n", "line 3: c11 = .3 means what no law"),
-        ("*MAT_077_O\n1, 1., .49\n.2\n3.\n.1, 5.\n", "line 5: constants that depend on"),
+        (
+            "*MAT_077_O\n1, 1., .49\n.2\n3.\n.1, 5.\n",
+            "line 5: .1 is of",
+        ),
+        ("/MAT/LAW42/1\nr\n1.\n0.49\n1.\n2.\n2.\n4.\n", "line 6: 2. is of"),
     ],
 )
 def test_what_no_law_here_says_is_refused_with_its_line(text, message, tmp_path):
