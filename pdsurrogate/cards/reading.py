@@ -168,11 +168,12 @@ def _read(
             elif value != float(field.name):
                 raise ValueError(number, f"{field.label} = {text} means what no law here does")
     for slot, (number, text) in texts.items():
-        if program.named or (text and _number(number, text)):
+        if program.named:
+            remarks.append(f"line {number}: {slot} = {text} is left out")
+        elif _number(number, text):
             if number > used or program.width:
                 raise ValueError(number, f"{text} is of temperature, rate or another law")
-            what = f"{slot} = {text}" if program.named else text
-            remarks.append(f"line {number}: {what} is left out")
+            remarks.append(f"line {number}: {text} is left out")
     D = [one or np.inf for one in values.get("D", [0.0])]
     extra = sum(i * 0.1 ** (2 * i - 2) * D[0] / one for i, one in enumerate(D[1:], start=2))
     if extra >= SEEN:

@@ -151,7 +151,7 @@ READ = {
     + f"{1e-9:20}\n{0.495:20}{0:20}{0:20}{1:20}{0:10}{1:10}\n{0.4:20}{0:20}\n{0:20}\n{2:20}\n\n": (
         M.NeoHookean(0.4, 0.4 * 2 * 1.495 / 0.03)
     ),
-    '<material id="2" type="Gent">\n<density>1</density>\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>': (
+    '<material id="2" type="Gent">\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>\n<density>1</density>': (
         EXAMPLES["gent"]
     ),
 }
