@@ -14,7 +14,7 @@ def errors(index, off, unknowns, **more):
     size = np.linalg.norm(off, axis=1) / (STRAIN / 2)
     rms = [100 * float(np.sqrt((size[outer == n] ** 2).mean())) for n in range(4)]
     names = "inside (%)", "faces (%)", "edges (%)", "corners (%)"
-    return dict(zip(names, rms)) | {"unknowns": unknowns, **more}
+    return dict(zip(names, rms, strict=True)) | {"unknowns": unknowns, **more}
 
 
 def pairs(model=None):
@@ -52,7 +52,7 @@ def pairs(model=None):
             blocks[a][b] = coo_matrix((np.r_[k, k, -k, -k], (rows, columns)))
     load = np.zeros((3, len(points)))
     load[0] = 2.5 * STRAIN * h**2 * np.sign(points[:, 0]) * (abs(points[:, 0]) > 0.5 - h)
-    found, failed = minres(bmat(blocks).tocsr(), load.ravel(), rtol=1e-9, maxiter=5000)
+    found, _ = minres(bmat(blocks).tocsr(), load.ravel(), rtol=1e-9, maxiter=5000)
     exact = STRAIN * points * [1, -0.25, -0.25]
     more = {"weights (s)": spent} if model else {}
     return errors(points / h, found.reshape(3, -1).T - exact, load.size, **more)

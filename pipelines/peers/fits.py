@@ -59,7 +59,9 @@ def ours(law=None):
 
     def fit(known):
         rows = np.concatenate(list(known.values()))
-        model = pds.identification.LawRegressor(law) if law else pds.identification.EnergyRegressor()
+        model = (
+            pds.identification.LawRegressor(law) if law else pds.identification.EnergyRegressor()
+        )
         weights = np.concatenate([np.full(len(one), 1 / len(one)) for one in known.values()])
         model.fit(rows[:, :2], rows[:, 2], weights * len(rows) / weights.sum())
         return lambda x, y: model.predict(np.stack([x, y], axis=1))
@@ -120,7 +122,6 @@ def felupe(law, **start):
 
 def hyper_surrogate(law):
     """A law of hyper-surrogate by its `fit_material`, to uniaxial tension: it takes one test."""
-    import numpy as np
     from hyper_surrogate.data.experimental import ExperimentalData
     from hyper_surrogate.data.fitting import fit_material
     from hyper_surrogate.mechanics import materials
@@ -194,11 +195,17 @@ def prony(terms=2, branches=2):
 
         def off(p, known=known):
             return np.concatenate(
-                [(stress(p, *rows[:2]) - rows[2]) / rows[2].max() / rows.shape[1] ** 0.5 for rows in known]
+                [
+                    (stress(p, *rows[:2]) - rows[2]) / rows[2].max() / rows.shape[1] ** 0.5
+                    for rows in known
+                ]
             )
 
         start = np.r_[20.0, 1.0, 1.5, -1.5, 0.3, 0.3, 0.7, 2.0]
-        limits = np.r_[[-500.0] * 2, [-6.0] * 2, [0.0] * 2, [-1.0] * 2], np.r_[[500.0] * 2, [6.0] * 2, [0.5] * 2, [4.0] * 2]
+        limits = (
+            np.r_[[-500.0] * 2, [-6.0] * 2, [0.0] * 2, [-1.0] * 2],
+            np.r_[[500.0] * 2, [6.0] * 2, [0.5] * 2, [4.0] * 2],
+        )
         p = least_squares(off, start, bounds=limits, x_scale=np.maximum(abs(start), 0.1)).x
         rms = [
             np.sqrt(np.mean((stress(p, *rows[:2]) - rows[2]) ** 2)) / rows[2].max()
@@ -216,7 +223,11 @@ def ours_vhb():
 
     return {
         f"at {rate} (%)": float(
-            np.mean(list(histories.errors(*histories.cycles("VHB 4910"), f"at {rate}", "3.0")[2].values()))
+            np.mean(
+                list(
+                    histories.errors(*histories.cycles("VHB 4910"), f"at {rate}", "3.0")[2].values()
+                )
+            )
         )
         for rate in RATES
     }
@@ -224,7 +235,9 @@ def ours_vhb():
 
 CASES = {
     "fits": {
-        "columns": dict.fromkeys([f"{mode} (%)" for mode in MODES] + ["Kawabata's grid (%)"], ".1f"),
+        "columns": dict.fromkeys(
+            [f"{mode} (%)" for mode in MODES] + ["Kawabata's grid (%)"], ".1f"
+        ),
         "rows": [
             ("pdsurrogate, energy", "pdsurrogate", "ours", [{}]),
             ("pdsurrogate, Ogden's law", "pdsurrogate", "ours", [{"law": "ogden"}]),
@@ -239,10 +252,23 @@ CASES = {
                 "FElupe, extended tube",
                 "felupe-fitting",
                 "felupe",
-                [{"law": "extended_tube", "Gc": 0.1867, "Ge": 0.2169, "beta": 0.2, "delta": 0.09693}],
+                [
+                    {
+                        "law": "extended_tube",
+                        "Gc": 0.1867,
+                        "Ge": 0.2169,
+                        "beta": 0.2,
+                        "delta": 0.09693,
+                    }
+                ],
             ),
             ("hyper-surrogate, Yeoh", "hyper-surrogate", "hyper_surrogate", [{"law": "Yeoh"}]),
-            ("hyper-surrogate, Mooney-Rivlin", "hyper-surrogate", "hyper_surrogate", [{"law": "MooneyRivlin"}]),
+            (
+                "hyper-surrogate, Mooney-Rivlin",
+                "hyper-surrogate",
+                "hyper_surrogate",
+                [{"law": "MooneyRivlin"}],
+            ),
         ],
     },
     "rates": {
