@@ -212,6 +212,12 @@ class PairEnergy(MaterialTerm):
         changed = [memory.settle(elapsed) for memory in self._memories]
         return any(changed)
 
+    def path_error(self, begins: bool) -> tuple[float, float]:
+        self._see()
+        found = [memory.path_error(begins) for memory in self._memories]
+        error, overstress = map(max, zip(*found, strict=True))
+        return error, overstress
+
     def accept(self, elapsed: float) -> None:
         self._see()
         if not self._begun:

@@ -202,6 +202,10 @@ class Term(ABC):
         """
         raise NotImplementedError
 
+    def path_error(self, begins: bool) -> tuple[float, float]:
+        """Return what the term adds to `path_error` of `internal_force`."""
+        return 0.0, 0.0
+
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
         """Add to the history the state at the positions in `kinematics`, reached in a time
         `elapsed` since the state accepted before.
