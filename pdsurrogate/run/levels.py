@@ -474,7 +474,7 @@ class Accepted:
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter = run.state.parameter
         self.numbers = run.state.time, run.state.before, run.state.overstress
-        self.earlier = run.earlier
+        self.earlier, self.followed = run.earlier, run.followed
         self.gave_up = solver.gave_up
         self.evaluations = run.force.evaluations
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
@@ -483,7 +483,7 @@ class Accepted:
         """Bring a run and its solver back to this equilibrium."""
         run.state.parameter = self.parameter
         run.state.time, run.state.before, run.state.overstress = self.numbers
-        run.earlier = self.earlier
+        run.earlier, run.followed = self.earlier, self.followed
         solver.gave_up = self.gave_up
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
