@@ -20,7 +20,8 @@ def export(
     ],
     *,
     to: Annotated[
-        Literal["felupe", "umat", "ufl", "c"], Option("--to", help="Program or language.")
+        Literal["felupe", "umat", "calculix-umat", "ufl", "c"],
+        Option("--to", help="Program or language."),
     ],
     change: SetLaw = None,
     folder: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the file.")] = Path(

@@ -131,12 +131,18 @@ MEMORY = "branches", "prony", "softening"
 
 
 class MaterialSpec(StrictModel):
-    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``.
+    """Material in a scene: the name of a material law with its parameters, ``"rigid"``, or the
+    artifact from which a run takes it.
 
     Parameters
     ----------
     law : str
         Name of a law, or ``"rigid"``.
+    artifact : str, optional
+        In the place of all others: artifact whose card has law and parameters, in the units of
+        their tests, which a run converts to those of the scene. The numbers of `fracture` that are
+        ``"artifact"`` are then those of this card. The force may be another one, such as
+        ``bond-energy``.
     branches : list of BranchSpec
         Viscoelastic branches beside the elastic energy. In equilibrium they need the `times` of
         `stretches`, or a `duration` of steps.
@@ -153,6 +159,7 @@ class MaterialSpec(StrictModel):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     law: str
+    artifact: str | None = None
     branches: tuple[BranchSpec, ...] = ()
     prony: tuple[tuple[Positive, Positive], ...] = ()
     softening: SofteningSpec | None = None
@@ -162,14 +169,22 @@ class MaterialSpec(StrictModel):
     def _from_name(cls, value: Any) -> Any:
         if isinstance(value, Law):  # in Python: as a regressor has found it
             return value.describe()
+        if isinstance(value, Mapping) and "artifact" in value:
+            if len(value) > 1:
+                other = next(key for key in value if key != "artifact")
+                raise ValueError(f"the material is that of the artifact: leave {other} out")
+            return {"law": "", **value}
         return {"law": value} if isinstance(value, str) else value
 
     @model_serializer(mode="wrap")
     def _without_empty_memory(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what an elastic material does not have."""
-        return {key: value for key, value in dump(self).items() if value or key not in MEMORY}
+        left = (*MEMORY, "artifact", "law")
+        return {key: value for key, value in dump(self).items() if value or key not in left}
 
     def model_post_init(self, _) -> None:
+        if self.artifact is not None:
+            return
         if self.rigid:
             given = [key for key in MEMORY if getattr(self, key)] + list(self.model_extra or {})
             if given:
@@ -197,8 +212,11 @@ class MaterialSpec(StrictModel):
         Raises
         ------
         ValueError
-            For an unknown law, an unknown or missing parameter, or a value that makes no sense.
+            For an unknown law, an unknown or missing parameter, a value that makes no sense, or a
+            material that a run takes from an artifact.
         """
+        if self.artifact is not None:
+            raise ValueError(f"it is that of the artifact {self.artifact}, which only runs read")
         if self.law not in LAWS:
             raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
@@ -254,9 +272,10 @@ class Criterion(StrictModel):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -293,9 +312,10 @@ class InterfaceFracture(Criterion):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -319,9 +339,10 @@ class Fracture(Criterion):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
