@@ -265,9 +265,7 @@ def _steps(tensors):
         near = tensors.contraction(earlier, around) < g + 2.0 * inverse_square_root(g)
         ratio = select(near, ratio, 0.0)
         rise = ratio * (whole - tensors.contraction(earlier, cofactor)) * (1.0 / 3.0)
-        still, share = held(
-            whole * (1.0 / 3.0), tensors.contraction(C_k, around) * (1.0 / 3.0), h
-        )
+        still, share = held(whole * (1.0 / 3.0), tensors.contraction(C_k, around) * (1.0 / 3.0), h)
         _, begin, end = weights_of_ends(still)
         share = share / (begin + end)
         _, begin, end = weights_of_ends(2.0 * h)

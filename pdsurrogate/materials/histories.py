@@ -238,7 +238,9 @@ def branch_states(time: np.ndarray, squares: np.ndarray, branches: Sequence[Bran
     for row, step in enumerate(steps, start=1):
         begin, end = squares[row - 1 : row + 1]
         moved = np.log(end[..., 0] / begin[..., 0]) / 2
-        parts = max(1, int(np.ceil(np.abs(moved[step.any(axis=-1)[..., None]]).max(initial=0) / STRAIN)))
+        parts = max(
+            1, int(np.ceil(np.abs(moved[step.any(axis=-1)[..., None]]).max(initial=0) / STRAIN))
+        )
         places = [begin, *(on_way(begin, end, n / parts) for n in range(1, parts)), end]
         found[row] = found[row - 1]
         for one, other in pairwise(places):

@@ -22,7 +22,12 @@ stay below 1e-3.
 """
 
 GROWTH = 1 / 8
-"""Part of `PATH_ERROR` below which an increment may be doubled: errors are of third order."""
+"""Change of the error if an increment is halved: it is of third order."""
+
+LEAST_SHARE = 1 / 4096
+"""Least part of a planned increment. After a sudden load bodies creep within a few percent of a
+relaxation time, and increments grow again by doubling.
+"""
 
 
 class Relaxing(Equilibria):
@@ -77,8 +82,11 @@ class Relaxing(Equilibria):
                 error, overstress = path_error(run.force, run.positions, begins)
                 overstress = max(overstress, state.overstress)
                 error = error / overstress if overstress else 0.0
-                if error > PATH_ERROR and increments.shorten():
-                    run.note(increments.target, reason=f"shorter increments: path error {error:.1e}")
+                tried, share, left = increments.target, increments.share, error
+                while left > PATH_ERROR and increments.shorten(LEAST_SHARE):
+                    left *= GROWTH
+                if increments.share < share:
+                    run.note(tried, reason=f"shorter increments: path error {error:.1e}")
                     (begin or before).restore(run, self.solver)
                     if begin:
                         increments.restart()

@@ -96,11 +96,11 @@ class Increments:
         """Begin again, with increments as short as the present one."""
         self._done = 0.0
 
-    def shorten(self) -> bool:
+    def shorten(self, least: float = LEAST_SHARE) -> bool:
         """Halve the present increment and return True, or return False where it would be shorter
-        than `LEAST_SHARE`.
+        than the share `least`.
         """
-        if self.share <= LEAST_SHARE:
+        if self.share <= least:
             return False
         self.share /= 2
         return True
