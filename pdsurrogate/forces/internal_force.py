@@ -569,7 +569,7 @@ def path_error(force: InternalForce, positions: np.ndarray, begins: bool) -> tup
     `begins` says that the step before was the first one of a motion, whose error counts, too.
     """
     force.place(positions)
-    found = [term.path_error(begins) for term in force.terms if term.kept]
+    found = [memory.path_error(begins) for term in force.terms for memory in term.memories]
     error, overstress = map(max, zip(*found, strict=True))
     return force.body.share.greatest(error), force.body.share.greatest(overstress)
 

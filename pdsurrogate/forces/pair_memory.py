@@ -2,7 +2,7 @@
 and add to it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,11 @@ class PairMemory:
         isochoric energy per volume, the energies dissipated by branches and by softening, and with
         `ForceSettings.paths` Cb before. Rows of C_k and Cb have the components of
         `pdsurrogate.kernels.branches`.
+    see : callable
+        Brings the gradients of the pairs up to date.
     """
+
+    see: Callable[[], None]
 
     def __init__(self, binding: Binding, part: Any, number: int) -> None:
         kinematics = binding.kinematics
@@ -249,6 +253,7 @@ class PairMemory:
         """
         if not self._bends:
             return 0.0, 0.0
+        self.see()
         d = self._part.forces.shape[1]
         tensors = tensors_of(d)
         elapsed, ratio = self._kinematics.elapsed, self._ratio(self._kinematics.elapsed)

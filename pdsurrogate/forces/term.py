@@ -126,6 +126,8 @@ class Term(ABC):
         Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
         Points of each material, with the points of other materials that are bonded to them.
+    memories : list of PairMemory
+        Histories of the materials with branches or softening.
     watches : list of OutsideCounter
         Counters of the pairs outside the domain of each model.
     """
@@ -146,6 +148,7 @@ class Term(ABC):
         )
         self.state = [kept.allocate(self.body) for kept in self.keeps]
         self.kept = {array.name: array.values for array in self.state}
+        self.memories: list = []
         self.materials: list[MaterialPoints] = []
         self.watches: list[OutsideCounter] = []
 
@@ -201,10 +204,6 @@ class Term(ABC):
         Terms that `settle` must override it.
         """
         raise NotImplementedError
-
-    def path_error(self, begins: bool) -> tuple[float, float]:
-        """Return what the term adds to `path_error` of `internal_force`."""
-        return 0.0, 0.0
 
     def accept(self, elapsed: float) -> None:  # noqa: B027 - most terms have no history
         """Add to the history the state at the positions in `kinematics`, reached in a time
