@@ -133,7 +133,10 @@ def _read(
     that is not the head's, and its reason.
     """
     if head.parts.get("other"):
-        raise ValueError(f"{head.parts['other']} is not read, only the constants of a law")
+        raise ValueError(
+            f"{head.parts['other']} is not read, only the constants of a law; identify and fit take"
+            " test data from decks"
+        )
     form = program.form_of(head.parts["key"] or "")
     stated = int(head.parts.get("terms") or 0)
     if form.only and stated not in (0, form.only):

@@ -108,6 +108,19 @@ def test_softening_is_a_card_of_abaqus(tmp_path):
     assert built(read_card(path)[0]).memory == SOFT
 
 
+def test_the_refusal_of_branches_states_how_they_relax():
+    """In a hold, of which a convolution with exp(-t/time) keeps 1/e of the first stress."""
+    law = M.NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
+    time = np.linspace(0, 1, 201)
+    found = M.histories.stress_history(
+        law, "uniaxial", time, np.full(201, 2.0), True
+    ).nominal_stress
+    elastic = 2 - 1 / 4
+    left = (found[-1] - elastic) / (found[0] - elastic)
+    with pytest.raises(ValueError, match=f"{left:.2f} of its stress .* {np.exp(-1):.2f};"):
+        card_of(law, "abaqus-card", "RUBBER")
+
+
 class Own(M.NeoHookean):
     pass
 
