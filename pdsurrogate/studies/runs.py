@@ -233,15 +233,10 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     scene = load_scene(scene_of(study, folder), {**study.set, **changes})
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
-    if force is None:
-        model = artifacts.default_force(scene)
-        return SceneTask(
-            scene, None, _scene_digest(scene, model), *_derivatives(study, scene, model, changes)
-        )
-    if not isinstance(force, str):
+    if force is not None and not isinstance(force, str):
         raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     scene, model = artifacts.with_material(scene, force)
-    if force not in FORCES:
+    if force is not None and force not in FORCES:
         # The name with its present version; an artifact that cannot be found by name is given by
         # its whole path.
         named = artifacts.find_artifact(force)
