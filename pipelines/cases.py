@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from pages import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, replace_block, rounded, shown
 
 import pdsurrogate as pds
 from pdsurrogate.results.files import write_json
@@ -62,26 +62,10 @@ def of_rows(name, measure, cases, *columns):
     return Study(name, named, {name: table})
 
 
-def shown(value, form):
-    """A figure in the format of its column; of several each, and a dash for none."""
-    if isinstance(value, list):
-        return " / ".join(shown(one, form) for one in value)
-    return "-" if value is None else value if isinstance(value, str) else format(value, form)
-
-
 def stored(name):
     """Figures of a study that were measured so far."""
     path = FIGURES / f"{name}.json"
     return json.loads(path.read_text("utf-8")) if path.exists() else {}
-
-
-def rounded(value):
-    """A figure, or what contains some, with six digits as JSON has it."""
-    if isinstance(value, dict):
-        return {key: rounded(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return list(map(rounded, value))
-    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def report(told, *studies):

@@ -27,3 +27,19 @@ def markdown_table(header, rows):
     """A table, first column to the left and the others to the right."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def shown(value, form):
+    """A figure in the format of its column; of several each, and a dash for none."""
+    if isinstance(value, list):
+        return " / ".join(shown(one, form) for one in value)
+    return "-" if value is None else value if isinstance(value, str) else format(value, form)
+
+
+def rounded(value):
+    """A figure, or what contains some, with six digits as JSON has it."""
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return list(map(rounded, value))
+    return float(f"{value:.6g}") if isinstance(value, float) else value

@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -31,6 +30,7 @@ from statistics import median
 
 import numpy as np
 from cases import measure, of_rows, write_tables
+from processes import NotRun, environment, spent
 
 import pdsurrogate as pds
 
@@ -211,57 +211,6 @@ if ranks.rank == 0:
 """Greatest figures of the ranks: own and halo points, processor time (ms) without what ranks say,
 exchanges, bytes, setup (s), memory held and at most (MB), wall time (ms), share of what ranks say.
 """
-
-
-class NotRun(SystemExit):
-    """What a commit was asked is unknown to it or failed; the message is its own."""
-
-
-def environment(path, **more):
-    """The variables of processes of a checkout."""
-    # Threads that turn for milliseconds after their work would take the cores from the process
-    # whose turn is next.
-    return {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path), **more}
-
-
-def spent(path, *words, ranks=0, together=1, status=0, **variables):
-    """Cost of processes of Python that start at once on a checkout, and the figures that the last
-    one prints as JSON.
-
-    Processor time counts user and system, of all processes and those that they start; memory is the
-    greatest of one process.
-    """
-    launcher = (
-        [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)] if ranks > 1 else []
-    )
-    command = [
-        *launcher,
-        sys.executable,
-        *(["-W", "ignore", "-m", "mpi4py"] if ranks else []),
-        *words,
-    ]
-    began, seconds, memory, ended = time.perf_counter(), 0.0, 0.0, []
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
-        started = [
-            subprocess.Popen(
-                command, cwd=path, env=environment(path, **variables), stdout=out, stderr=errors
-            )
-            for _ in range(together)
-        ]
-        for process in started:
-            _, code, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(code)
-            ended.append(process.returncode)
-            seconds, memory = (
-                seconds + usage.ru_utime + usage.ru_stime,
-                max(memory, usage.ru_maxrss / 1024),
-            )
-        wall = time.perf_counter() - began
-        printed, said = (file.seek(0) or file.read().strip().splitlines() for file in (out, errors))
-    if set(ended) != {status}:
-        raise NotRun(next((line for line in reversed(said) if line), f"status {ended}"))
-    figures = json.loads(printed[-1]) if printed and printed[-1].startswith("{") else {}
-    return {"processor time (s)": seconds, "wall time (s)": wall, "memory (MB)": memory, **figures}
 
 
 @contextmanager

@@ -10,6 +10,6 @@ An artifact is a folder ``NAME/VERSION/`` of up to three files:
 """
 
 from .card import ArtifactError, Card
-from .material import with_material
+from .material import sourced, with_material
 from .places import find_artifact, list_artifacts, own_folder
 from .store import default_force, load_card, load_pipeline, load_surrogate, surrogate_for

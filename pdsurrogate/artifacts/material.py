@@ -17,16 +17,17 @@ from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
 from .measured import unit_of_stress, with_measured
-from .store import law_of, load_card, load_surrogate
+from .store import default_force, law_of, load_card, load_surrogate
 
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 """Units of time in seconds, in which times of tests and relaxation times on cards are."""
 
 
-def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
+def with_material(scene: Scene, reference: str | Path | None) -> tuple[Scene, ForceModel]:
     """Return a scene, with a material for which a force model holds, and the force model.
 
-    An exact force model leaves the scene as it is. With an artifact, a built-in scene with its
+    Materials that are those of an artifact are read first, see `sourced`. An exact force model
+    then leaves the scene as it is. With an artifact as the force, a built-in scene with its
     default material takes the law on the artifact's card, with these moduli:
 
     * moduli identified from test data with a unit are converted to the scene's unit of stress, and
@@ -46,16 +47,16 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     Parameters
     ----------
     scene : Scene
-    reference : str or path
-        Force model or artifact, as for `load_surrogate`.
+    reference : str or path, optional
+        Force model or artifact, as for `load_surrogate`; by default that of `default_force`.
 
     Raises
     ------
     ArtifactError
         If the artifact cannot be read.
     SceneError
-        If the scene states another material than the artifact's; the message gives both, and how to
-        take the artifact's.
+        As of `sourced`; and if the scene states another material than the artifact's; the message
+        gives both, and how to take the artifact's.
 
     Warns
     -----
@@ -66,6 +67,9 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     OutsideDomainWarning
         If grips stretch a body with branches at rates that the tests behind them did not have.
     """
+    scene = sourced(scene)
+    if reference is None:
+        return scene, default_force(scene)
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
         return scene, model
@@ -118,6 +122,49 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         )
         model = load_surrogate("bond-energy")
     return with_measured(scene, card), model
+
+
+def sourced(scene: Scene) -> Scene:
+    """Return a scene in which the laws on the cards of artifacts replace materials that are those
+    of artifacts, and the means of their tests the numbers of `fracture` that are ``"artifact"``.
+
+    Moduli, times and means are converted to the units of the scene as in `with_material`.
+
+    Raises
+    ------
+    ArtifactError
+        If an artifact cannot be read.
+    SceneError
+        If the moduli on a card are the defaults of its law, or a number has no tests on it; the
+        message names the key.
+    """
+    rest = scene.material and scene.material.artifact
+    if not rest and not any(part.material.artifact for part in scene.materials):
+        return scene
+    measured = with_measured(scene, load_card(rest) if rest else None)
+    parts = tuple(
+        part.model_copy(
+            update={"material": _of_card(scene, part.material, f"materials.{number}.material")}
+        )
+        for number, part in enumerate(measured.materials)
+    )
+    own = _of_card(scene, scene.material, "material")
+    scene = measured.model_copy(update={"material": own, "materials": parts})
+    # References are elastic solutions.
+    return scene.model_copy(update={"reference": None}) if scene.remembers else scene
+
+
+def _of_card(scene: Scene, given: MaterialSpec | None, key: str) -> MaterialSpec | None:
+    """Return the material of a scene, that on its card if it is that of an artifact."""
+    if given is None or given.artifact is None:
+        return given
+    card = load_card(given.artifact)
+    if not _has_moduli(card):
+        raise SceneError(
+            f"scene {scene.name}: {key}: the moduli on the card of {card.name}@{card.version} are"
+            f" the defaults of {card.material.law}, of no material; state law and moduli"
+        )
+    return MaterialSpec.model_validate(material_on(card, scene).describe())
 
 
 def rates_between_grips(scene: Scene) -> tuple[float, float] | None:

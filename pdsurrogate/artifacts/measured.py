@@ -25,12 +25,15 @@ MILLIMETERS = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "in": 25.4}
 """Units of length in millimeters, in which tearing energies on cards are, times the unit of stress.
 """
 
+BROKEN = "tests in tension that went to break"
+
 MEANS = {
-    "strength.uniaxial": ("nominal_stress", "tests in tension that went to break"),
-    "strength.stretch": ("stretch", "tests in tension that went to break"),
-    "strength.scatter.modulus": ("weibull_modulus", "five tests in tension that went to break"),
+    "strength.uniaxial": ("uniaxial", "nominal_stress", BROKEN),
+    "strength.stretch": ("uniaxial", "stretch", BROKEN),
+    "strength.equibiaxial": ("equibiaxial", "nominal_stress", f"equibiaxial {BROKEN}"),
+    "strength.scatter.modulus": ("uniaxial", "weibull_modulus", f"five {BROKEN}"),
 }
-"""Entries of a card for keys of a criterion, and what is missing without them."""
+"""Mode of tests and entry of a card for keys of a criterion, and what is missing without them."""
 
 Given = TypeVar("Given", bound=Criterion)
 
@@ -43,10 +46,10 @@ def unit_of_stress(card: Card, scene: Scene) -> float:
     return PASCALS[unit] / PASCALS[scene.units.stress] if known else 1.0
 
 
-def with_measured(scene: Scene, card: Card) -> Scene:
+def with_measured(scene: Scene, card: Card | None) -> Scene:
     """Return a scene in whose criteria of fracture the means of the tests behind an artifact
-    replace ``"artifact"``: for the rest of the body those of `card`, for an entry of `materials`
-    those of the artifact that it names as its force.
+    replace ``"artifact"``: for the rest of the body those of `card`, if given, for an entry of
+    `materials` those of the artifact that it names as its material or force.
 
     Raises
     ------
@@ -57,19 +60,17 @@ def with_measured(scene: Scene, card: Card) -> Scene:
         return scene
     parts = tuple(
         part
-        if part.fracture is None or part.force is None
+        if part.fracture is None or not (source := part.material.artifact or part.force)
         else part.model_copy(
             update={
                 "fracture": _filled(
-                    part.fracture,
-                    load_card(part.force),
-                    (scene, f"materials.{number}.fracture"),
+                    part.fracture, load_card(source), (scene, f"materials.{number}.fracture")
                 )
             }
         )
         for number, part in enumerate(scene.materials)
     )
-    rest = _filled(scene.fracture, card, (scene, "fracture"))
+    rest = _filled(scene.fracture, card, (scene, "fracture")) if card else scene.fracture
     return scene.model_copy(update={"fracture": rest, "materials": parts})
 
 
@@ -92,8 +93,8 @@ def _filled(
     try:
         for name in left:
             number = _energy(tests, scene.units.length) if name == "energy" else _mean(tests, name)
-            unit = unit_of_stress(card, scene) if name in ("energy", "strength.uniaxial") else 1.0
-            apply_change(data, name, number * unit)
+            stress = name == "energy" or "nominal_stress" in MEANS[name]
+            apply_change(data, name, number * (unit_of_stress(card, scene) if stress else 1.0))
     except ValueError as error:
         raise SceneError(
             f"scene {scene.name}: {key}.{name}: {error} (artifact {card.name}@{card.version})"
@@ -103,8 +104,8 @@ def _filled(
 
 def _mean(tests: IdentificationEntries, name: str) -> float:
     """Return the mean on a card for a key; raise ValueError if it has none."""
-    entry, missing = MEANS[name]
-    broken = (tests.at_break or {}).get("uniaxial")
+    mode, entry, missing = MEANS[name]
+    broken = (tests.at_break or {}).get(mode)
     found = broken and getattr(broken, entry)
     if not found:
         raise ValueError(f"the card has no {missing}: state a number")

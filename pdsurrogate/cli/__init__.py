@@ -72,7 +72,14 @@ COMMANDS = {
     ),
     "export": (
         "export",
-        "Write the energy of a law or an artifact as source code for FElupe, Abaqus, FEniCS or C.",
+        (
+            "Write the energy of a law or an artifact as source code for FElupe, Abaqus, FEniCS or"
+            " C, or its constants as a material card."
+        ),
+    ),
+    "convert": (
+        "export",
+        "Say what law the material card of another program states, as a scene takes it.",
     ),
     "artifacts": (
         "lists",

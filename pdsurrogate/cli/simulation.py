@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..artifacts import default_force, with_material
+from ..artifacts import with_material
 from ..artifacts.material import in_words
 from ..forces import ForceModel
 from ..ranks import Communicator
@@ -46,11 +46,10 @@ def simulated(
     """Run a scene with a force model, print its result, and write it to a folder, if given;
     `options` are those of `simulate`.
     """
-    described, model = (
-        (asked, default_force(asked)) if force is None else with_material(asked, force)
-    )
+    described, model = with_material(asked, force)
     if described is not asked:
-        note(f"Material of {model.name}: {in_words(described.material.build())}")
+        of = (asked.material and asked.material.artifact) or model.name
+        note(f"Material of {of}: {in_words(described.law())}")
     folder = None if options["folder"] is None else Path(options["folder"])
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)

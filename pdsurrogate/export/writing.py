@@ -103,6 +103,15 @@ TARGETS = {
         " The stress is Cauchy's and the tangent that of its Jaumann rate, in the order 11, 22, 33,"
         " 12, 13, 23, for {elements}.",
     ),
+    "calculix-umat": Target(
+        "umat.f",
+        "_umat_user.f",
+        FORTRAN,
+        "C     ",
+        "compile CalculiX with this file in place of its umat_user.f; *MATERIAL, NAME=USER_RUBBER"
+        " with *USER MATERIAL, CONSTANTS={constants}: shear modulus, bulk modulus. In CalculiX a"
+        " file for Abaqus (ABAQUSNL_...) gives wrong stresses wherever the material turns.",
+    ),
     "ufl": Target(
         "ufl.txt",
         "_ufl.py",
@@ -148,8 +157,8 @@ def exported(source: Source, target: str) -> str:
     if source.law.memory and target in ("ufl", "c"):
         raise ValueError(
             f"{source.law.name}: an energy alone has no memory, and this material has"
-            f" {' and '.join(source.law.memory.describe())}; export to felupe or umat, which keep"
-            " state variables"
+            f" {' and '.join(source.law.memory.describe())}; export to felupe, umat or"
+            " calculix-umat, which keep state variables"
         )
     if source.law.memory.thinning:
         raise ValueError(
@@ -161,8 +170,14 @@ def exported(source: Source, target: str) -> str:
             f"{source.title}: the learned energy of a sheet has no thickness, which its branches"
             f" and softening need; export the law {source.law.name}, which has one"
         )
+    if source.is_sheet and target == "calculix-umat":
+        raise ValueError(
+            f"{source.title}: CalculiX computes sheets as solids, and the learned energy of a"
+            f" sheet has no thickness; export the law {source.law.name}, which has one"
+        )
     try:
         tags, parts = _parts(source, found.language)
+        tags.add(target)
     except ValueError as error:
         raise ValueError(f"{source.law.name}: {error}") from None
     text = (resources.files(__package__) / "templates" / found.template).read_text("utf-8")
@@ -322,8 +337,7 @@ def _use_of_memory(size: int, source: Source, target: Target) -> str:
         first = 1 + (source.network is not None)
         how = (
             f" *Depvar must be at least {first + size - 1}: STATEV({first}:{first + size - 1}) are"
-            " {what}. The time of a step is DTIME, that of the increment. SSE is the stored energy;"
-            " SPD and SCD stay as they are, so that the energy dissipated is not accounted for."
+            " {what}. The time of a step is DTIME, that of the increment."
         )
     else:
         how = (

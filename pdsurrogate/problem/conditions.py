@@ -119,7 +119,8 @@ def conditions_of(
     _check_motions(loading, [*along_planes, *held], [loading.rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
     # a picture of a scene without a material needs none
-    modulus = 1.0 if scene.material is None else scene.law().shear_modulus
+    stated = scene.material is not None and scene.material.artifact is None
+    modulus = scene.law().shear_modulus if stated else 1.0
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
     # grips limit the stretch itself

@@ -218,8 +218,8 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
         for key, criterion in criteria_of(scene).items():
             for name in left_to_artifact(criterion):
                 raise ValueError(
-                    f"{key}.{name}: the force model is no artifact with tests behind it: state a"
-                    " number"
+                    f"{key}.{name}: neither the force model nor the material is an artifact with"
+                    " tests behind it: state a number"
                 )
         if criteria_give(scene, "energy"):
             tip_diameters_in(scene, model.family)

@@ -13,6 +13,7 @@ import scipy
 from ..body import Body
 from ..discretization import contained
 from ..materials import PLANES, Law, homogeneous
+from ..materials.states import invariants
 from ..materials.tearing import stretch_at_stress
 from ..scenes import Scene
 from ..scenes.loading_checks import names_of_materials
@@ -20,6 +21,7 @@ from ..scenes.model import Criterion
 from ..solvers.conditions import Loading
 from .fracture import ends_of_pairs
 from .random_strength import random_works
+from .strength_surface import Surface, surface_of
 
 logger = logging.getLogger(__name__)
 
@@ -41,7 +43,8 @@ area ratios at each. Chosen: the bound needs no precision, and no energy has sev
 """
 
 REPORTED = ("stretch", "uniaxial", "work", "length", "factor", "radius")
-"""Attributes of a `Zone` in the summary of a run."""
+SURFACE = ("equibiaxial", "hydrostatic")
+"""Attributes of a `Zone` and of its surface in the summary of a run."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class Zone:
     of_points : bool
         Whether the energies of points are divided by the works of their own materials, and not by
         that of the zone: within a material.
+    surface : Surface, optional
+        Strength surface of two numbers.
     least : ndarray, shape (n,), optional
         Share of the work that must be reached in the disc around a point, of random strengths.
     """
@@ -88,6 +93,7 @@ class Zone:
     centers: np.ndarray
     pairs: np.ndarray
     of_points: bool
+    surface: Surface | None = None
     least: np.ndarray | None = None
 
     def least_at(self, points: np.ndarray) -> np.ndarray:
@@ -136,6 +142,8 @@ class Strengths:
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.inside = partial(contained, scene, whole)
         self.works = np.full(len(body), np.inf)
+        self._plane = scene.plane
+        self._zone_of = np.full(len(body), -1)
         self.zones = list[Zone]()
         clamped = clamped_distances(body, loading)
         ends = np.sort(ends_of_pairs(body, of_points))
@@ -172,6 +180,7 @@ class Strengths:
                 (within, ~across, True),
             )
             self.works[within] = zone.work
+            self._zone_of[within] = len(self.zones) - 1
             if given.strength.scatter is not None:
                 least = np.full(len(body), zone.work)
                 try:
@@ -184,7 +193,11 @@ class Strengths:
         self._check_reach(body, clamped)
         self.least_trace = (
             min(
-                least_trace_of(law, zone.work * zone.least_at(np.arange(len(body))).min(initial=1))
+                least_trace_of(
+                    law,
+                    zone.work * zone.least_at(np.arange(len(body))).min(initial=1),
+                    zone.surface,
+                )
                 for law in laws
                 for zone in self.zones
             )
@@ -195,6 +208,7 @@ class Strengths:
             {
                 "of": zone.name,
                 **{key: getattr(zone, key) for key in REPORTED},
+                **({key: getattr(zone.surface, key) for key in SURFACE} if zone.surface else {}),
                 "radius_in_spacings": zone.radius / body.spacing,
                 "at_grips": not zone.off,
             }
@@ -210,6 +224,20 @@ class Strengths:
                 zone.radius,
                 zone.radius / body.spacing,
             )
+
+    def energies(
+        self, zone: Zone, points: np.ndarray, law: Law, F: np.ndarray, volume_ratio: np.ndarray
+    ) -> np.ndarray:
+        """Return the energy densities of points of a law, shape (k,), with deformation gradients
+        (k, d, d) and volume ratios (k,); where the strength is a surface, those in uniaxial tension
+        that are as near to break.
+        """
+        found = PLANES[self._plane].energy_at(law, F, volume_ratio)
+        for number, one in enumerate(self.zones) if zone.of_points else [(None, zone)]:
+            if one.surface is not None:
+                of = np.full(len(points), number is None) | (self._zone_of[points] == number)
+                found[of] = one.surface.energy(law, self._plane, F[of], volume_ratio[of])
+        return found
 
     def _add(
         self,
@@ -237,8 +265,9 @@ class Strengths:
                 )
             stretch = strength.stretch or stretch_at_stress(law, strength.uniaxial or 0.0)
             state = homogeneous.uniaxial(law, stretch)
+            surface = surface_of(law, stretch, strength)
             length = given.energy / state.energy_density
-            factor = factor_of(law, stretch, plane)
+            factor = factor_of(law, stretch, plane, surface)
             radius = factor * length * (3 / 8 if plane == "space" else 1 / math.pi)
             if radius < LEAST_RADIUS * body.spacing:
                 raise ValueError(
@@ -251,7 +280,7 @@ class Strengths:
         off = 0.0 if strength.at_grips else radius
         numbers = stretch, state.nominal_stress, state.energy_density, length, factor, radius, off
         centers, *others = members
-        zone = Zone(key, name, *numbers, centers & (clamped >= off), *others)
+        zone = Zone(key, name, *numbers, centers & (clamped >= off), *others, surface)
         self.zones.append(zone)
         return zone
 
@@ -272,9 +301,10 @@ class Strengths:
                 )
 
 
-def factor_of(law: Law, stretch: float, plane: str) -> float:
+def factor_of(law: Law, stretch: float, plane: str, surface: Surface | None = None) -> float:
     """Return the factor c of a law that breaks at a stretch in uniaxial tension: the mean energy
-    density over a disc of radius R around the tip of a long crack is c G / (pi R).
+    density, or that of a strength surface, over a disc of radius R around the tip of a long crack
+    is c G / (pi R).
 
     For small strains it follows from the fields of Williams; for large ones it is 1 in neo-Hookean
     material. A solid has the factor of plane strain.
@@ -282,15 +312,16 @@ def factor_of(law: Law, stretch: float, plane: str) -> float:
     K, mu = law.bulk_modulus, law.shear_modulus
     nu = (3 * K - 2 * mu) / (6 * K + 2 * mu)
     kappa = (3 - nu) / (1 + nu) if plane == "stress" else 3 - 4 * nu
-    small = (2 * kappa - 1) / (2 * kappa + 2)
+    small = surface.small_factor(nu, plane) if surface else (2 * kappa - 1) / (2 * kappa + 2)
     share = np.interp(-1 / stretch, -1 / np.array(STRETCHES), SHARES)
     return float(small + (1 - small) * share)
 
 
-def least_trace_of(law: Law, work: float) -> float:
+def least_trace_of(law: Law, work: float, surface: Surface | None = None) -> float:
     """Return a lower bound of tr C of the states of a sheet under plane stress with det F >= 1
-    whose energy density is `work`, within 2 %.
+    whose energy density, or that of a strength surface, is `work`, within 2 %.
     """
+    states = PLANES["stress"]
     trace = 2.0
     with np.errstate(all="ignore"):  # of states beyond the limit of the law
         while True:
@@ -298,9 +329,11 @@ def least_trace_of(law: Law, work: float) -> float:
             half = TRACE_STEP * trace / 2
             root = np.sqrt(np.maximum(half**2 - J**2, 0.0))
             F = np.sqrt(np.stack([half + root, half - root], axis=1))[:, :, None] * np.eye(2)
-            if not PLANES["stress"].has_state(law, F).all():
+            if not states.has_state(law, F).all():
                 return trace
-            if PLANES["stress"].energy_density(law, F).max() >= work:
+            J3 = states.volume_ratio(law, *invariants(F))
+            at = (law, "stress", F, J3)
+            if (surface.energy(*at) if surface else states.energy_at(law, F, J3)).max() >= work:
                 return trace
             trace *= TRACE_STEP
 

@@ -423,10 +423,9 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
     """Return the force model for the `force` argument of `simulate`, and the scene, which may
     adopt the material of an artifact.
     """
-    if force is None:
-        return scene, artifacts.default_force(scene)
-    if isinstance(force, str | Path):
+    if force is None or isinstance(force, str | Path):
         return artifacts.with_material(scene, force)
+    scene = artifacts.sourced(scene)
     if isinstance(force, ForceModel):
         return scene, force
     if is_own_force(force):

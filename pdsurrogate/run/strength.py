@@ -13,7 +13,6 @@ from ..body import Body
 from ..body.body import lengths_of
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import entries_of
-from ..materials import PLANES
 from ..materials.states import invariants
 from ..problem.strength import Strengths, Zone
 from .damage import Damage, Failing
@@ -165,7 +164,7 @@ class StrongDamage(Damage):
                     if force.portion_of is not None:
                         of_law = force.portion_of[points] == number
                     at = points[of_law]
-                    found[of_law] = PLANES[force.plane].energy_at(law, F[at], J3[at])
+                    found[of_law] = self._strengths.energies(zone, at, law, F[at], J3[at])
             works = self._strengths.works[points] if zone.of_points else zone.work
             return np.nan_to_num(found, posinf=0.0) / works
 

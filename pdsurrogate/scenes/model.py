@@ -1,6 +1,7 @@
 """Parts of a scene, such as its material, grips and units, and all keys of a scene."""
 
 import dataclasses
+import warnings
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -131,12 +132,18 @@ MEMORY = "branches", "prony", "softening"
 
 
 class MaterialSpec(StrictModel):
-    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``.
+    """Material in a scene: the name of a material law with its parameters, ``"rigid"``, or the
+    artifact from which a run takes it.
 
     Parameters
     ----------
     law : str
         Name of a law, or ``"rigid"``.
+    artifact : str, optional
+        In the place of all others: artifact whose card has law and parameters, in the units of
+        their tests, which a run converts to those of the scene. The numbers of `fracture` that are
+        ``"artifact"`` are then those of this card. The force may be another one, such as
+        ``bond-energy``.
     branches : list of BranchSpec
         Viscoelastic branches beside the elastic energy. In equilibrium they need the `times` of
         `stretches`, or a `duration` of steps.
@@ -147,12 +154,14 @@ class MaterialSpec(StrictModel):
     softening : SofteningSpec, optional
         Softening below the greatest energy so far.
     **extra_data : float or list of float
-        Parameters of the law.
+        Parameters of the law. ``card`` in the place of `law` is the path of a file with a material
+        card of another program, ``name`` a material in it; other parameters replace its own.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     law: str
+    artifact: str | None = None
     branches: tuple[BranchSpec, ...] = ()
     prony: tuple[tuple[Positive, Positive], ...] = ()
     softening: SofteningSpec | None = None
@@ -162,14 +171,24 @@ class MaterialSpec(StrictModel):
     def _from_name(cls, value: Any) -> Any:
         if isinstance(value, Law):  # in Python: as a regressor has found it
             return value.describe()
+        if isinstance(value, Mapping) and "card" in value:
+            return _of_card(dict(value))
+        if isinstance(value, Mapping) and "artifact" in value:
+            if len(value) > 1:
+                other = next(key for key in value if key != "artifact")
+                raise ValueError(f"the material is that of the artifact: leave {other} out")
+            return {"law": "", **value}
         return {"law": value} if isinstance(value, str) else value
 
     @model_serializer(mode="wrap")
     def _without_empty_memory(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what an elastic material does not have."""
-        return {key: value for key, value in dump(self).items() if value or key not in MEMORY}
+        left = (*MEMORY, "artifact", "law")
+        return {key: value for key, value in dump(self).items() if value or key not in left}
 
     def model_post_init(self, _) -> None:
+        if self.artifact is not None:
+            return
         if self.rigid:
             given = [key for key in MEMORY if getattr(self, key)] + list(self.model_extra or {})
             if given:
@@ -197,8 +216,11 @@ class MaterialSpec(StrictModel):
         Raises
         ------
         ValueError
-            For an unknown law, an unknown or missing parameter, or a value that makes no sense.
+            For an unknown law, an unknown or missing parameter, a value that makes no sense, or a
+            material that a run takes from an artifact.
         """
+        if self.artifact is not None:
+            raise ValueError(f"it is that of the artifact {self.artifact}, which only runs read")
         if self.law not in LAWS:
             raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
@@ -245,6 +267,22 @@ class MaterialSpec(StrictModel):
         return bool(self.branches or self.prony or self.softening)
 
 
+def _of_card(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of a material whose ``card`` is a file, with the other keys given."""
+    from ..cards.reading import read_card
+
+    if "law" in given:
+        raise ValueError("card states the law; remove law")
+    card = str(given.pop("card"))
+    keys, _, remarks = read_card(card, str(given.pop("name", "")))
+    for remark in remarks:
+        warnings.warn(f"{card}: {remark}", stacklevel=2)
+    keys |= given
+    if "bulk_modulus" not in keys:
+        raise ValueError(f"{card} states no bulk modulus: give bulk_modulus beside card")
+    return keys
+
+
 class Criterion(StrictModel):
     """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
 
@@ -254,9 +292,10 @@ class Criterion(StrictModel):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -293,9 +332,10 @@ class InterfaceFracture(Criterion):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in
@@ -319,9 +359,10 @@ class Fracture(Criterion):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float or "artifact", optional
         Fracture energy per undeformed area of crack; ``"artifact"`` for the mean of the tear tests
-        behind the artifact of the run. `pdsurrogate.critical_stretch_of` converts it
-        with the effective diameter of a crack tip, and the package rejects it if no diameter was
-        measured for the force model, the plane, the arrangement of the points and `horizon_ratio`.
+        behind the artifact that is the material or the force of the run.
+        `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack tip,
+        and the package rejects it if no diameter was measured for the force model, the plane, the
+        arrangement of the points and `horizon_ratio`.
         Unit: stress length.
     strength : Strength, optional
         Strength without a cut, needs `energy`: bonds then break where this strength is exceeded in

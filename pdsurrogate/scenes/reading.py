@@ -108,6 +108,11 @@ def load_scene(
     if isinstance(body, dict) and isinstance(body.get("file"), str) and not built_in:
         # A scene file names its mesh from where it stands itself.
         body["file"] = str(Path(reference).parent / body["file"])
+    parts = data.get("materials")
+    for part in [data, *(parts if isinstance(parts, list) else ())]:
+        spec = part.get("material") if isinstance(part, dict) else None
+        if isinstance(spec, dict) and "card" in spec and not built_in:
+            spec["card"] = str(Path(reference).parent / str(spec["card"]))
     try:
         return Scene(**data)
     except SceneError as error:

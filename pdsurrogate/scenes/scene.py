@@ -145,8 +145,8 @@ class Scene(SceneData):
         Raises
         ------
         SceneError
-            If the scene names no material: only an artifact that brings its own material can run
-            such a scene.
+            If the scene names no material, or an artifact's: only runs, with an artifact that
+            brings its own material, know that of such a scene.
 
         Examples
         --------
@@ -159,7 +159,10 @@ class Scene(SceneData):
                 f"scene {self.name}: material: missing; add one, or choose an artifact as the force"
                 " to use its material"
             )
-        return self.material.build()
+        try:
+            return self.material.build()
+        except ValueError as error:
+            raise SceneError(f"scene {self.name}: material: {error}") from None
 
     def model_post_init(self, _) -> None:
         check_consistency(self)
@@ -167,7 +170,8 @@ class Scene(SceneData):
     def __repr__(self) -> str:
         program, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
         count = len(program)
-        law = "no material" if self.material is None else self.material.law
+        of = self.material
+        law = "no material" if of is None else of.law or f"material of {of.artifact}"
         told = (
             f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}"
             if count

@@ -48,15 +48,23 @@ class Strength(StrictModel):
 
     The law of the material turns one into the other, and into the work at break W_b. Bonds break
     where W_b is reached in the mean over a region whose radius follows from the fracture energy and
-    W_b; `energy` must be given beside the strength.
+    W_b; `energy` must be given beside the strength. With `equibiaxial` or `hydrostatic` beside it,
+    states break at a surface of stresses in the place of a work.
 
     Parameters
     ----------
     uniaxial : float or "artifact", optional
         Nominal stress at break in uniaxial tension; ``"artifact"`` for the mean of the tests behind
-        the artifact of the run. Unit: stress.
+        the artifact that is the material or the force of the run. Unit: stress.
     stretch : float or "artifact", optional
         Stretch at break in uniaxial tension. Unit: none.
+    equibiaxial : float or "artifact", optional
+        Nominal stress at break in equibiaxial tension: a second number, which makes the strength a
+        surface of Drucker and Prager's form. At most that in uniaxial tension, and more than half
+        of it. Unit: stress.
+    hydrostatic : float, optional
+        Nominal stress at break in equal tension in all directions, in the place of `equibiaxial`;
+        more than a third of that in uniaxial tension. Unit: stress.
     at_grips : bool
         Whether strength acts at clamped boundaries, too. Where a clamp meets a free boundary the
         law has a singular stress, so that specimens without cuts tear there first. Without it,
@@ -68,8 +76,15 @@ class Strength(StrictModel):
 
     uniaxial: Annotated[Positive, *MEASURED] | None = None
     stretch: Annotated[Finite, Field(gt=1), *MEASURED] | None = None
+    equibiaxial: Annotated[Positive, *MEASURED] | None = None
+    hydrostatic: Positive | None = None
     at_grips: bool = True
     scatter: Scatter | None = None
 
     def model_post_init(self, _) -> None:
         the_one(self, ("uniaxial", "stretch"))
+        if self.equibiaxial is not None and self.hydrostatic is not None:
+            raise ValueError(
+                "give equibiaxial or hydrostatic beside the strength in uniaxial tension, not both:"
+                " the surface has two numbers"
+            )

@@ -20,7 +20,7 @@ from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import SUMMARY
 from ..run.derivatives import differentiate
-from ..run.parameters import PLACES, numbers_in
+from ..run.parameters import PLACES, check_not_at_break, numbers_in
 from ..run.reopened import check_models
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
@@ -233,15 +233,10 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     scene = load_scene(scene_of(study, folder), {**study.set, **changes})
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
-    if force is None:
-        model = artifacts.default_force(scene)
-        return SceneTask(
-            scene, None, _scene_digest(scene, model), *_derivatives(study, scene, model, changes)
-        )
-    if not isinstance(force, str):
+    if force is not None and not isinstance(force, str):
         raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     scene, model = artifacts.with_material(scene, force)
-    if force not in FORCES:
+    if force is not None and force not in FORCES:
         # The name with its present version; an artifact that cannot be found by name is given by
         # its whole path.
         named = artifacts.find_artifact(force)
@@ -267,6 +262,7 @@ def _derivatives(
         return (), {}
     try:
         check_models(scene, checked_models(scene, model))
+        check_not_at_break(study.derivatives, "its names")
     except ValueError as error:
         raise SceneError(f"derivatives: {error}") from None
     _check_measurements(study.derivatives, scene)

@@ -92,3 +92,31 @@ def test_what_a_card_does_not_have_is_said(store):
     ):
         with pytest.raises(SceneError, match=message):
             with_material(sheet(FRACTURE, length), store(name, tests))
+
+
+def test_an_exact_force_takes_law_and_means_of_an_artifact(store):
+    """By its material, of the body and of a part, in the units of the scene."""
+    artifact = {"artifact": str(store("source", TESTS))}
+    second = {**TESTS["at_break"], "equibiaxial": TESTS["at_break"]["uniaxial"]}
+    second["equibiaxial"]["nominal_stress"] = [1.4, 0.1]
+    other = {"artifact": str(store("second", {**TESTS, "at_break": second}))}
+    weak = {"energy": 1.0, "strength": {"stretch": 2.0, "equibiaxial": "artifact"}}
+    part = {"region": {"box": [[0, 3], [6, 6]]}, "material": other, "fracture": weak}
+    data = sheet(FRACTURE, "m", "kPa").model_dump()
+    scene = pds.Scene.model_validate(data | {"material": artifact, "materials": [part]})
+    assert pds.Scene.model_validate(scene.model_dump()) == scene
+    for force in ("bond-energy", None):
+        found, model = with_material(scene, force)
+        assert model.name == "bond-energy"
+        assert found.law() == LAW.scaled(1000.0)
+        assert found.fracture.strength.uniaxial == pytest.approx(2000.0)
+        assert found.materials[0].material.build() == LAW.scaled(1000.0)
+        assert found.materials[0].fracture.strength.equibiaxial == pytest.approx(1400.0)
+    with pytest.raises(SceneError, match=r"material: it is that of the artifact .*, which only"):
+        scene.law()
+    assert "material of" in repr(scene)
+    with pytest.raises(SceneError, match="of the artifact: leave shear_modulus out"):
+        pds.Scene.model_validate(data | {"material": artifact | {"shear_modulus": 2.0}})
+    bare = pds.Scene.model_validate(data | {"material": {"artifact": str(store("bare", None))}})
+    with pytest.raises(SceneError, match=r"fracture\.energy: the card has no tear"):
+        with_material(bare, "bond-energy")

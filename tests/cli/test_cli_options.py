@@ -106,7 +106,7 @@ def test_the_version_and_the_completion_of_shells():
     for typed, meant in (
         ("st", {"study"}),
         ("run --thr", {"--threads"}),
-        ("export gent --to f", {"felupe"}),
+        ("export gent --to f", {"felupe", "febio"}),
     ):
         assert completed(typed) == meant
 

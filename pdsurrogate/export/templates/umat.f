@@ -451,7 +451,12 @@ C
         F(3,3) = F(3,3) - STEP
       END DO
       END
-%% end
+%% umat memory
+C
+C     SSE is the stored energy; SPD and SCD stay as they are, so that
+C     the energy dissipated is not accounted for.
+C
+%% umat
       SUBROUTINE UMAT(STRESS,STATEV,DDSDDE,SSE,SPD,SCD,RPL,DDSDDT,
      & DRPLDE,DRPLDT,STRAN,DSTRAN,TIME,DTIME,TEMP,DTEMP,PREDEF,DPRED,
      & CMNAME,NDI,NSHR,NTENS,NSTATV,PROPS,NPROPS,COORDS,DROT,PNEWDT,
@@ -469,15 +474,15 @@ C
       REAL*8 F($d,$d),P($d,$d),A($d,$d,$d,$d),TAU($d,$d),B($d,$d,$d,$d)
       REAL*8 E($d),V($d,$d),FULL($voigt,$voigt),DET,EYE($d,$d)
       INTEGER I,J,K,L,M,N,II($voigt),JJ($voigt),AT($voigt)
-%% memory
+%% umat memory
       REAL*8 OLD($n_state), NEW($n_state)
-%% end
-%% space
+%% umat
+%% umat space
       DATA II /1,2,3,1,1,2/, JJ /1,2,3,2,3,3/
-%% memory
+%% umat memory
       IF (NSTATV .LT. $depvar) STOP '*Depvar must be at least $depvar'
       OLD = STATEV($first:$depvar)
-%% space
+%% umat space
       F = DFGRD1
 C     In plane stress (11, 22, 12) the thickness is to be found.
       IF (NTENS .EQ. 3) THEN
@@ -488,14 +493,14 @@ C     In plane stress (11, 22, 12) the thickness is to be found.
         CALL KPDEVA(F,$statev PROPS, SSE, P, A)
       END IF
       CALL KPDJAC(F, E, V, DET)
-%% sheet
+%% umat sheet
       DATA II /1,2,1/, JJ /1,2,2/
       F = DFGRD1(1:2,1:2)
       CALL KPDEVA(F, PROPS, SSE, P, A)
 C     The volume is that of the undeformed sheet.
       CALL KPDJAC(F, E, V, DET)
       DET = 1.D0
-%% end
+%% umat
       TAU = MATMUL(P, TRANSPOSE(F))
       EYE = 0.D0
       DO I = 1, $d
@@ -527,7 +532,7 @@ C     Tangent of the Jaumann rate of the Kirchhoff stress, over J.
      &      + TAU(I,L)*EYE(J,K) + TAU(I,K)*EYE(J,L))/(2.D0*DET)
         END DO
       END DO
-%% space
+%% umat space
 C     Components of the element: 11, 22, 33, 12, 13, 23 without those
 C     that it lacks; in plane stress the one across is eliminated.
       AT = (/1, 2, 3, 4, 5, 6/)
@@ -539,30 +544,119 @@ C     that it lacks; in plane stress the one across is eliminated.
           END IF
         END DO
       END IF
-%% sheet
+%% umat sheet
       AT = (/1, 2, 3/)
-%% end
+%% umat
       DO M = 1, NTENS
         STRESS(M) = TAU(II(AT(M)),JJ(AT(M)))/DET
         DO N = 1, NTENS
           DDSDDE(M,N) = FULL(AT(M),AT(N))
         END DO
       END DO
-%% memory
+%% umat memory
       STATEV($first:$depvar) = NEW
-%% end
+%% umat
 C     Ask for a smaller increment where the material has no state.
       IF (IEEE_IS_NAN(SSE)) PNEWDT = 0.25D0
-%% network
+%% umat network
 C     STATEV(1) is 1 outside the domain in which W was learned, else 0.
       IF (NSTATV .GE. 1) THEN
         STATEV(1) = 1.D0
-%% isochoric network
+%% umat isochoric network
         E = E - SUM(E)/3.D0
-%% network
+%% umat network
         E = EXP(E)
         IF (MINVAL(E) .GE. $least .AND.
      &      MAXVAL(E) .LE. $greatest) STATEV(1) = 0.D0
       END IF
-%% end
+%% umat
+      END
+%% calculix-umat
+      SUBROUTINE UMAT_USER(AMAT,IEL,IINT,KODE,ELCONLOC,EMEC,EMEC0,
+     & BETA,XOKL,VOJ,XKL,VJ,ITHERMAL,T1L,DTIME,TIME,TTIME,ICMD,IELAS,
+     & MI,NSTATE_,XSTATEINI,XSTATE,STRE,STIFF,IORIEN,PGAUSS,ORAB,
+     & PNEWDT,IPKON)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      CHARACTER*80 AMAT
+      INTEGER IEL,IINT,KODE,ITHERMAL(*),ICMD,IELAS,MI(*),NSTATE_,IORIEN
+      INTEGER IPKON(*)
+      REAL*8 ELCONLOC(*),EMEC(6),EMEC0(6),BETA(6),XOKL(3,3),VOJ,
+     & XKL(3,3),VJ,T1L,DTIME,TIME,TTIME,XSTATEINI(NSTATE_,MI(1),*),
+     & XSTATE(NSTATE_,MI(1),*),STRE(6),STIFF(21),PGAUSS(3),ORAB(7,*),
+     & PNEWDT
+      REAL*8 F(3,3),P(3,3),A(3,3,3,3),B(3,3,3,3),G(3,3),S(3,3),C(6)
+      REAL*8 E(3),V(3,3),ENERGY,DET
+      INTEGER I,J,K,L,M,N,II(6),JJ(6)
+%% calculix-umat memory
+      REAL*8 OLD($n_state), NEW($n_state)
+%% calculix-umat
+      DATA II /1,2,3,1,1,2/, JJ /1,2,3,2,3,3/
+%% calculix-umat memory
+      IF (NSTATE_ .LT. $depvar) STOP '*DEPVAR must be at least $depvar'
+      OLD = XSTATEINI($first:$depvar,IINT,IEL)
+%% calculix-umat
+C     An F with F^T F = I + 2 EMEC, by Cholesky's method: no result
+C     depends on the rotation, and EMEC has no thermal strain.
+      C = 2.D0*EMEC
+      C(1:3) = C(1:3) + 1.D0
+      F = 0.D0
+      F(1,1) = SQRT(C(1))
+      F(1,2) = C(4)/F(1,1)
+      F(1,3) = C(5)/F(1,1)
+      F(2,2) = SQRT(C(2) - F(1,2)**2)
+      F(2,3) = (C(6) - F(1,2)*F(1,3))/F(2,2)
+      F(3,3) = SQRT(C(3) - F(1,3)**2 - F(2,3)**2)
+      CALL KPDEVA(F,$statev ELCONLOC, ENERGY, P, A)
+      CALL KPDJAC(F, E, V, DET)
+C     Inverse G of F, second Piola-Kirchhoff stress S = G P, and its
+C     derivative by Green's strain.
+      G = 0.D0
+      DO I = 1, 3
+        G(I,I) = 1.D0/F(I,I)
+      END DO
+      G(1,2) = -F(1,2)*G(1,1)*G(2,2)
+      G(2,3) = -F(2,3)*G(2,2)*G(3,3)
+      G(1,3) = (F(1,2)*F(2,3) - F(1,3)*F(2,2))*G(1,1)*G(2,2)*G(3,3)
+      S = MATMUL(G, P)
+      DO M = 1, 6
+        STRE(M) = S(II(M),JJ(M))
+      END DO
+      B = 0.D0
+      DO L = 1, 3
+        DO K = 1, 3
+          DO J = 1, 3
+            DO I = 1, 3
+              DO M = 1, 3
+                DO N = 1, 3
+                  B(I,J,K,L) = B(I,J,K,L) + G(I,M)*A(M,J,N,L)*G(K,N)
+                END DO
+                B(I,J,K,L) = B(I,J,K,L) - G(I,M)*G(K,M)*S(L,J)
+              END DO
+            END DO
+          END DO
+        END DO
+      END DO
+      K = 0
+      DO N = 1, 6
+        DO M = 1, N
+          K = K + 1
+          STIFF(K) = (B(II(M),JJ(M),II(N),JJ(N))
+     &      + B(II(M),JJ(M),JJ(N),II(N)))/2.D0
+        END DO
+      END DO
+%% calculix-umat memory
+      XSTATE($first:$depvar,IINT,IEL) = NEW
+%% calculix-umat
+C     Ask for a smaller increment where the material has no state.
+      IF (IEEE_IS_NAN(ENERGY)) PNEWDT = 0.25D0
+%% calculix-umat network
+C     State variable 1 is 1 outside the domain of W, else 0.
+      IF (NSTATE_ .GE. 1) THEN
+        E = EXP(E - SUM(E)/3.D0)
+        XSTATE(1,IINT,IEL) = 1.D0
+        IF (MINVAL(E) .GE. $least .AND.
+     &      MAXVAL(E) .LE. $greatest) XSTATE(1,IINT,IEL) = 0.D0
+      END IF
+%% calculix-umat
       END

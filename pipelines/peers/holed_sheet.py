@@ -1,0 +1,175 @@
+"""A square sheet with a hole, stretched to 1.5 both ways on rollers, in plane stress: a quarter."""
+
+import math
+
+ENVIRONMENTS = {"felupe": ["felupe==11.3.0", "pypardiso==0.4.7"]}
+
+STRESS, HOLE = 1.1323729165387342, 0.43987790023302137
+"""Nominal stress, and displacement of the hole of radius 0.3 on an axis: nine-node elements."""
+THICKNESS = 0.01
+
+
+def found(n, stress, hole, unknowns):
+    """Figures of a row."""
+    errors = 100 * (stress / STRESS - 1), 100 * (hole / HOLE - 1)
+    names = "error of stress (%)", "error at hole (%)"
+    return {"n": n, "unknowns": unknowns, **dict(zip(names, errors, strict=True))}
+
+
+def ours(n, force=None):
+    """The package with n points along the side of the quarter."""
+    import pdsurrogate as pds
+
+    scene = {
+        "name": "quarter-with-hole",
+        "spacing": 1 / n,
+        "body": {"shape": "rectangle", "size": [1.0, 1.0], "lower": [0.0, 0.0]},
+        "holes": [{"shape": "circle", "radius": 0.3}],
+        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
+        "prescribed": [
+            {"region": "left", "x1": 0.0},
+            {"region": "bottom", "x2": 0.0},
+            {"region": "right", "x1": 0.5},
+            {"region": "top", "x2": 0.5},
+        ],
+        "probes": [{"name": "hole", "at": [0.3, 0.0]}],
+        "steps": [1.0],
+    }
+    result = pds.simulate(pds.Scene(**scene), force)
+    (level,) = result.levels
+    hole = level["probes"]["hole"]["displacement"][0]
+    return found(n, level["forces"]["right"][0], hole, result.body.points.size)
+
+
+def place(s, t, tuned):
+    """Place in the quarter: s from the hole to the outer sides, t from one axis to the other."""
+    angle, s = 0.5 * math.pi * t, s**1.5 if tuned else s
+    x, y = math.cos(angle), math.sin(angle)
+    outer = max(x, y)
+    return [0.3 * (1 - s) * one + s * one / outer for one in (x, y)]
+
+
+def felupe(n, tuned=False):
+    """FElupe, which has rubber in three dimensions alone: a layer of quadratic hexahedra, n from
+    the hole to the outer side and 2 n around.
+    """
+    import felupe as fem
+    import numpy as np
+
+    mesh = fem.Cube(b=(1, 1, THICKNESS / 2), n=(n + 1, 2 * n + 1, 2)).add_midpoints_edges()
+    hole = int(np.argmin(mesh.points.sum(axis=1)))
+    right = np.isclose(mesh.x, 1) & (mesh.y < 0.5 + 1e-9)
+    top = np.isclose(mesh.x, 1) & (mesh.y > 0.5 - 1e-9)
+    left, bottom = np.isclose(mesh.y, 1), np.isclose(mesh.y, 0)
+    points = mesh.points.copy()
+    points[:, :2] = [place(s, t, tuned) for s, t in points[:, :2]]
+    mesh.update(points=points)
+    field = fem.FieldContainer([fem.Field(fem.RegionQuadraticHexahedron(mesh), dim=3)])
+    boundaries = {
+        "left": fem.Boundary(field[0], mask=left, skip=(0, 1, 1)),
+        "bottom": fem.Boundary(field[0], mask=bottom, skip=(1, 0, 1)),
+        "middle": fem.Boundary(field[0], fz=0.0, skip=(1, 1, 0)),
+        "right": fem.Boundary(field[0], mask=right, skip=(0, 1, 1)),
+        "top": fem.Boundary(field[0], mask=top, skip=(1, 0, 1)),
+    }
+    solid, more = fem.SolidBody(fem.NeoHooke(mu=1.0, bulk=100.0), field), {}
+    if tuned:
+        from pypardiso import spsolve
+
+        more["solver"] = spsolve
+    for moved in np.linspace(0, 0.5, 6)[1:]:
+        boundaries["right"].update(moved)
+        boundaries["top"].update(moved)
+        fixed, free = fem.dof.partition(field, boundaries)
+        given = fem.dof.apply(field, boundaries, fixed)
+        result = fem.newtonraphson(
+            items=[solid], x0=field, dof0=fixed, dof1=free, ext0=given, verbose=0, **more
+        )
+        field.link(result.x)
+    force = fem.tools.force(field, result.fun, boundaries["right"])[0]
+    moved = float(field[0].values[hole, 0])
+    return found(n, float(force) / (THICKNESS / 2), moved, field[0].values.size)
+
+
+def calculix(n, tuned=False):
+    """CalculiX with quadratic elements of plane stress, n from the hole to the outer side and 2 n
+    around.
+    """
+    import subprocess
+
+    number, lines = {}, ["*NODE, NSET=ALL"]
+    for s in range(2 * n + 1):
+        for t in range(4 * n + 1):
+            if not (s % 2 and t % 2):
+                number[s, t] = len(number) + 1
+                x, y = place(s / (2 * n), t / (4 * n), tuned)
+                lines.append(f"{number[s, t]}, {x:.9g}, {y:.9g}")
+    lines.append("*ELEMENT, TYPE=CPS8R, ELSET=SHEET")
+    around = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]
+    cells = [(s, t) for s in range(0, 2 * n, 2) for t in range(0, 4 * n, 2)]
+    for count, (s, t) in enumerate(cells, 1):
+        corners = [number[s + a, t + b] for a, b in around]
+        lines.append(", ".join(map(str, [count, *corners])))
+    sets = {
+        "LEFT": lambda s, t: t == 4 * n,
+        "BOTTOM": lambda s, t: t == 0,
+        "RIGHT": lambda s, t: s == 2 * n and t <= 2 * n,
+        "TOP": lambda s, t: s == 2 * n and t >= 2 * n,
+    }
+    for name, inside in sets.items():
+        lines += [f"*NSET, NSET={name}", *(str(one) for at, one in number.items() if inside(*at))]
+    lines += [
+        f"*NSET, NSET=HOLE\n{number[0, 0]}",
+        "*MATERIAL, NAME=RUBBER\n*HYPERELASTIC, NEO HOOKE\n0.5, 0.02",
+        f"*SOLID SECTION, ELSET=SHEET, MATERIAL=RUBBER\n{THICKNESS}",
+        "*BOUNDARY\nLEFT, 1, 1\nBOTTOM, 2, 2",
+        "*STEP, NLGEOM, INC=100\n*STATIC" + ("\n0.5, 1." if tuned else "\n0.2, 1."),
+        "*BOUNDARY\nRIGHT, 1, 1, 0.5\nTOP, 2, 2, 0.5",
+        "*NODE PRINT, NSET=HOLE\nU\n*NODE PRINT, NSET=RIGHT, TOTALS=ONLY\nRF\n*END STEP\n",
+    ]
+    with open("sheet.inp", "w") as file:
+        file.write("\n".join(lines))
+    subprocess.run(["ccx", "-i", "sheet"], check=True, stdout=subprocess.DEVNULL)
+    with open("sheet.dat") as file:
+        rows = [line.split() for line in file if line.strip() and "." in line]
+    force = float(rows[-1][0])
+    moved = float(next(row for row in reversed(rows) if row[0] == str(number[0, 0]))[1])
+    return found(n, force / THICKNESS, moved, 3 * len(number))
+
+
+CASES = {
+    "holed-sheet": {
+        "columns": {
+            "n": ".0f",
+            "unknowns": ",.0f",
+            "error of stress (%)": "+.2f",
+            "error at hole (%)": "+.2f",
+        },
+        "rows": [
+            ("pdsurrogate, defaults", "pdsurrogate", "ours", [{"n": 12}, {"n": 25}]),
+            (
+                "pdsurrogate, bond-energy",
+                "pdsurrogate",
+                "ours",
+                [{"n": n, "force": "bond-energy"} for n in (12, 25)],
+            ),
+            ("FElupe, quadratic", "felupe", "felupe", [{"n": 2}, {"n": 3}]),
+            (
+                "FElupe, quadratic, tuned",
+                "felupe",
+                "felupe",
+                [{"n": n, "tuned": True} for n in (2, 3)],
+            ),
+            ("CalculiX, CPS8R", "pdsurrogate", "calculix", [{"n": 2}, {"n": 3}]),
+            (
+                "CalculiX, CPS8R, tuned",
+                "pdsurrogate",
+                "calculix",
+                [{"n": n, "tuned": True} for n in (2, 3)],
+            ),
+        ],
+        "good": lambda one: (
+            max(abs(one["error of stress (%)"]), abs(one["error at hole (%)"])) < 0.5
+        ),
+    }
+}

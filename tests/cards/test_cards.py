@@ -1,0 +1,243 @@
+"""Material cards of other programs: what is written for a law, what is read, and what neither."""
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+from commands import commanded, invoke
+
+import pdsurrogate as pds
+from pdsurrogate.cards.constants import VOLUMES, constants_of, series_modulus
+from pdsurrogate.cards.programs import PROGRAMS
+from pdsurrogate.cards.reading import built, read_card
+from pdsurrogate.cards.writing import card_of
+from pdsurrogate.materials import Branch, Memory, Softening
+
+M = pds.materials
+EXAMPLES = {
+    "neo-hookean": M.NeoHookean(0.4, 40.0),
+    "mooney-rivlin": M.MooneyRivlin(0.4, 40.0, second_share=0.3),
+    "yeoh": M.Yeoh(0.4, 40.0, second=-0.02, third=3e-4),
+    "gent": M.Gent(0.4, 40.0, chain_limit=60.0),
+    "arruda-boyce": M.ArrudaBoyce(0.4, 40.0, chain_links=9.0),
+    "ogden": M.Ogden(bulk_modulus=40.0, moduli=(0.3,), exponents=(3.0,)),
+    "three terms": M.Ogden(moduli=(0.63, 0.0012, -0.01), exponents=(1.3, 5.0, -2.0)),
+}
+SOFT = Memory(softening=Softening(2.0, 0.1, 0.05))
+
+
+def written(law, to, folder, name="RUBBER"):
+    path = folder / f"card{PROGRAMS[to].suffix}"
+    path.write_text(card_of(law, to, name))
+    return path
+
+
+def body(text, to):
+    mark = PROGRAMS[to].comment.split("{}")[0].strip()
+    return [line for line in text.splitlines() if line and not line.startswith(mark)]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("to", PROGRAMS)
+def test_a_law_comes_back_from_its_card_and_a_card_from_its_law(to, name, tmp_path):
+    law, form = EXAMPLES[name], PROGRAMS[to].forms.get(EXAMPLES[name].name)
+    if form is None or (form.most and name == "three terms" and form.most < 3):
+        with pytest.raises(ValueError, match="--to umat"):
+            card_of(law, to, "RUBBER")
+        return
+    path = written(law, to, tmp_path)
+    found, read, remarks = read_card(path)
+    assert remarks == ()
+    assert read.U == form.U
+    again = built(found)
+    assert again.name == law.name
+    for key, values in constants_of(law).items():
+        assert constants_of(again)[key] == pytest.approx(values, rel=1e-6)
+    assert body(card_of(again, to, "RUBBER"), to) == body(path.read_text(), to)
+    heading = " ".join(re.sub(r"( -->)?\n\W+", " ", path.read_text()).split())
+    for words in (law.name, form.modulus, "Nominal stress in tension at a stretch of 2", "run"):
+        assert words in heading
+
+
+@pytest.mark.parametrize(
+    ("to", "name", "lines"),
+    [
+        ("abaqus-card", "three terms", ["0.4095, 1.3, 0.003, 5, 0.01, -2,"]),  # mu alpha/2
+        ("ansys", "neo-hookean", ["TB,HYPER,1,1,2,NEO", "TBDATA,1,0.4,0.05"]),
+        ("ansys", "three terms", ["TBDATA,1,0.63,1.3,0.0012,5,-0.01,-2", "TBDATA,7,"]),
+        ("ansys", "gent", ["TB,HYPER,1,1,3,GENT", "TBDATA,1,0.4,60,0.05"]),
+        ("ls-dyna", "yeoh", ["       0.2         0         0    -0.004         0     6e-05"]),
+        ("openradioss", "mooney-rivlin", ["                0.28               -0.12"]),
+        ("febio", "ogden", ["  <c1>0.9</c1>", "  <m1>3</m1>", "  <k>40</k>"]),
+        ("mfront", "mooney-rivlin", ["@Parameter C01 = 0.14;", "@Parameter C10 = 0.06;"]),
+    ],
+)
+def test_constants_are_those_of_the_program(to, name, lines):
+    """W = 2 mu/alpha^2, mu/alpha or c/m^2 times sums of powers; C10 = 0.14 and C01 = 0.06 as powers
+    2 and -2; Signorini of MFront, where C01 belongs to I1bar.
+    """
+    text = card_of(EXAMPLES[name], to, "RUBBER")
+    assert all(line in text for line in lines)
+
+
+def test_the_series_of_chains_has_the_published_modulus():
+    m = 3.0
+    factors = (1, 3 / 5, 99 / 175, 513 / 875, 42039 / 67375)
+    published = sum(factor * m ** (-2 * i) for i, factor in enumerate(factors))
+    assert series_modulus(m**2) == pytest.approx(published, rel=1e-12)
+
+
+@pytest.mark.parametrize("formula", VOLUMES)
+def test_volumetric_energies_are_their_formulas(formula):
+    J = np.array([0.8, 0.9, 1.0, 1.1, 1.3])
+    text = formula.replace("^", "**").replace("(ln J)", "np.log(J)").replace("ln J", "np.log(J)")
+    energy = eval(text.replace("K/2 ", "K/2 * "), {"np": np, "J": J, "K": 7.0})
+    found = VOLUMES[formula](J3=J, parameters=[7.0])
+    assert found[0] == pytest.approx(energy, abs=1e-14)
+    for order in (0, 1):
+        ahead, behind = (VOLUMES[formula](J + h, [7.0])[order] for h in (1e-5, -1e-5))
+        assert found[order + 1] == pytest.approx((ahead - behind) / 2e-5, rel=1e-7, abs=1e-8)
+
+
+def test_softening_is_a_card_of_abaqus(tmp_path):
+    law = dataclasses.replace(EXAMPLES["yeoh"], memory=SOFT)
+    path = written(law, "abaqus-card", tmp_path)
+    assert path.read_text().endswith("*MULLINS EFFECT\n2, 0.1, 0.05\n")
+    assert built(read_card(path)[0]).memory == SOFT
+
+
+class Own(M.NeoHookean):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("law", "to", "reason"),
+    [
+        (M.FullNetwork(), "ansys", "Ansys Mechanical APDL has no such law, only neo-hookean"),
+        (Own(), "ansys", "has no such law"),
+        (
+            M.NeoHookean(memory=Memory((Branch(0.4, 2.0),))),
+            "abaqus-card",
+            r"its branches are not the convolutions of \*VISCOELASTIC",
+        ),
+        (M.NeoHookean(memory=SOFT), "calculix-card", "its softening is no card of CalculiX"),
+        (M.ArrudaBoyce(), "ls-dyna", "a whole number of links, not 26.5"),
+        (M.NeoHookean(1.0, 1.234e6), "ls-dyna", "too few characters for K"),
+        (EXAMPLES["three terms"], "mfront", "at most 1 terms, and this law 3"),
+    ],
+)
+def test_what_a_program_cannot_say_is_refused(law, to, reason):
+    with pytest.raises(ValueError, match=reason):
+        card_of(law, to, "RUBBER")
+
+
+READ = {
+    "*Material, name=A\n*Density\n1e-9\n*Hyperelastic, n=1\n .2, .1, 0.05\n": M.MooneyRivlin(
+        0.6, 40.0, second_share=1 / 3
+    ),
+    '*material, name="My rubber"\n**\n*HYPERELASTIC, Reduced polynomial, N=2\n.2,2.D-2,.05': M.Yeoh(
+        0.4, 40.0, second=0.1, third=0.0
+    ),
+    "*HYPERELASTIC, MODULI=LONG TERM, OGDEN\n.45, 3., .05": EXAMPLES["ogden"],
+    "TB,HYPER,2,,,OGDEN\nTBDATA,1,0.3 ! mu\nTBDATA,2,3\nTBDATA,3,.05\n": EXAMPLES["ogden"],
+    "*MAT_077_O_TITLE\nseal\n$ mid\n1, 1.E-9, 0.495\n0.3\n3.\n": M.Ogden(
+        bulk_modulus=0.45 * 2 * 1.495 / 0.03, moduli=(0.3,), exponents=(3.0,)
+    ),
+    '<material id="2" name="s" type="Gent">\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>\n</material>': (
+        EXAMPLES["gent"]
+    ),
+}
+
+
+@pytest.mark.parametrize("text", READ)
+def test_cards_of_others_are_read(text, tmp_path):
+    path = tmp_path / "other.inp"
+    path.write_text(text)
+    found, wanted = built(read_card(path)[0]), READ[text]
+    assert found.name == wanted.name
+    assert found.parameters == pytest.approx(wanted.parameters)
+    assert found.shear_modulus == pytest.approx(wanted.shear_modulus)
+
+
+HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("*ELASTIC\n1, 0.3\n", "no line begins a hyperelastic material of Abaqus, CalculiX"),
+        (HEAD + "0.2, x\n", "line 3: 'x' is not a number"),
+        (HEAD + "-0.2, 0.05\n", "line 2: its initial shear modulus is -0.4"),
+        (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: .1 is of temperature"),
+        (HEAD + ".2, .05\n*VISCOELASTIC, TIME=PRONY\n.1,,1\n", "line 4: .*VISCOELASTIC"),
+        (HEAD + ".2, .05\n" + HEAD.replace("=A", "=B") + ".1, .05\n", "materials: A, B"),
+        ("*HYPERELASTIC, TEST DATA INPUT, YEOH\n", "line 1: TESTDATAINPUT is not read"),
+        ("*HYPERELASTIC, POLYNOMIAL, N=2\n", "line 1: .*with 1 terms, not with 2"),
+        ("*HYPERELASTIC, REDUCED POLYNOMIAL, N=4\n1,,,1\n", "line 1: no law here has all"),
+        ("*HYPERELASTIC, YEOH\n.2, -1., 0., .05\n", "line 1: yeoh: second = -5"),
+        ("*MAT_077_H\n1, 1., .49\n.2, .1, .3\n", "line 3: c11 = .3 means what no law"),
+        (
+            "*MAT_077_O\n1, 1., .49\n.2\n3.\n.1, 5.\n",
+            "line 5: .1 is of",
+        ),
+        ("/MAT/LAW42/1\nr\n1.\n0.49\n1.\n2.\n2.\n4.\n", "line 6: 2. is of"),
+    ],
+)
+def test_what_no_law_here_says_is_refused_with_its_line(text, message, tmp_path):
+    path = tmp_path / "other.inp"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_card(path)
+
+
+def test_what_a_card_states_beside_is_named(tmp_path):
+    path = tmp_path / "other.inp"
+    path.write_text("*HYPERELASTIC, YEOH\n.2, 0., 0., .05, .05\n20.\n")
+    with pytest.raises(ValueError, match="line 3"):
+        read_card(path)
+    path.write_text("*HYPERELASTIC, YEOH\n.2, 0., 0., .05, .05, , 20.\n")
+    assert read_card(path)[2] == (
+        "line 2: 20. is left out",
+        "D2 and further are left out, 2.0% of the pressure at J = 0.9",
+    )
+
+
+def test_a_scene_takes_a_card(tmp_path):
+    (tmp_path / "seal.inp").write_text(HEAD + ".2, .05\n*MULLINS EFFECT\n2., .1\n")
+    (tmp_path / "soft.inp").write_text(HEAD + ".1, 0.\n" + HEAD.replace("=A", "=B") + ".3, 0.\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'name = "s"\nspacing = 0.25\nbody = {size = [2.0, 1.0]}\nstretches = [1.5]\n'
+        'grips = [{edge = "top"}, {edge = "bottom", travel = 1.0}]\n'
+        'material = {card = "seal.inp", bulk_modulus = 80}\n'
+        '[[materials]]\nregion = "left"\nmaterial = {card = "soft.inp", name = "b",'
+        " bulk_modulus = 30}\n"
+    )
+    found = pds.load_scene(scene)
+    assert found.material.build() == M.NeoHookean(
+        0.4, 80.0, memory=Memory(softening=Softening(2.0, 0.1))
+    )
+    assert found.materials[0].material.build() == M.NeoHookean(0.6, 30.0)
+    for change, message in (
+        ({"materials.0.material": {"card": "soft.inp", "name": "A"}}, "no bulk modulus"),
+        ({"material.law": "gent"}, "card states the law"),
+        ({"material.card": "none.inp"}, "none.inp: No such file"),
+    ):
+        with pytest.raises(pds.SceneError, match=message):
+            pds.load_scene(scene, change)
+
+
+def test_commands_convert_cards(tmp_path):
+    card = tmp_path / "seal.inp"
+    card.write_text(HEAD + ".2, .05\n")
+    done = commanded("convert", card, "--json")
+    assert json.loads(done.stdout) == EXAMPLES["neo-hookean"].describe()
+    shown = commanded("convert", card)
+    assert 'material = { law = "neo-hookean", shear_modulus = 0.4' in shown.stdout
+    assert "U(J) = K/2 (J - 1)^2: the mean stress at J = 0.9 and 1.1" in shown.stderr
+    commanded("export", card, "--to", "febio", "--out", tmp_path)
+    assert read_card(tmp_path / "seal.feb.xml")[0] == EXAMPLES["neo-hookean"].describe()
+    refused = invoke("export", "ogden-isochoric", "--to", "febio", "--out", tmp_path)
+    assert "a learned energy has no constants for a card" in " ".join(refused.stderr.split())
