@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import __version__
 from ..kernels.network import ACTIVATIONS
-from ..materials import InvariantLaw, Law, PrincipalStretchLaw
+from ..materials import InvariantLaw, PrincipalStretchLaw
 from .source import Source
 from .tracing import Language, symbol
 
@@ -117,12 +117,13 @@ TARGETS = {
         "_ufl.py",
         UFL,
         "",
-        "from {name}_ufl import stress, tangent; with a test function v and a trial function du, the"
-        " residual is inner(stress(F), grad(v)) * dx and its derivative inner(tangent(F, grad(du)),"
-        " grad(v)) * dx. psi(F) is the energy per undeformed volume; UFL can differentiate psi and"
-        " stress, too, but compiles the results for longer. All take other moduli, which may be"
-        " constants of UFL. UFL cannot estimate the degree of quadrature: give it, dx ="
-        " ufl.dx(metadata=dict(quadrature_degree=4)), 4 for quadratic elements.",
+        "from {name}_ufl import stress, tangent; with a test function v and a trial function du,"
+        " the residual is inner(stress(F), grad(v)) * dx and its derivative"
+        " inner(tangent(F, grad(du)), grad(v)) * dx. psi(F) is the energy per undeformed volume;"
+        " UFL can differentiate psi and stress, too, but compiles the results for longer."
+        " All take other moduli, which may be constants of UFL. UFL cannot estimate the"
+        " degree of quadrature: give it, dx = ufl.dx(metadata=dict(quadrature_degree=4)),"
+        " 4 for quadratic elements.",
     ),
     "c": Target(
         "energy.h",

@@ -427,7 +427,8 @@ def evaluated(expression, values):
     def ordered(array, before, after):
         """An array with other axes of free indices; of an index that occurs twice, the diagonal."""
         labels = {index: label for label, index in enumerate(dict.fromkeys(before), start=1)}
-        return np.einsum(array, *([0, *(labels[index] for index in row)] for row in (before, after)))
+        rows = ([0, *(labels[index] for index in row)] for row in (before, after))
+        return np.einsum(array, *rows)
 
     def spread(node, indices):
         """Value of an operand with an axis for each of the indices."""
