@@ -133,7 +133,10 @@ def _read(
     that is not the head's, and its reason.
     """
     if head.parts.get("other"):
-        raise ValueError(f"{head.parts['other']} is not read, only the constants of a law")
+        raise ValueError(
+            f"{head.parts['other']} is not read, only the constants of a law; identify and fit take"
+            " test data from decks"
+        )
     form = program.form_of(head.parts["key"] or "")
     stated = int(head.parts.get("terms") or 0)
     if form.only and stated not in (0, form.only):
@@ -150,12 +153,13 @@ def _read(
             keys["softening"] = dict(zip(("r", "m", "beta"), [*numbers, 0.0], strict=False))
     rest = lines[head.at + 1 + program.skip + bool(head.parts.get("title")) :]
     ends = (at for at, line in enumerate(rest) if _matched(program.ends, line))
-    texts, remarks = _texts(program, rest[: next(ends, len(rest))])
+    texts = _texts(program, rest[: next(ends, len(rest))])
+    remarks = []
     values: dict[str, list[float]] = {}
     used = 0
     unstated = 0 if "terms" in head.parts else form.most
     for row, fields in enumerate(form.fields(form.only or stated or form.terms or unstated or 1)):
-        for column, field in enumerate(fields):
+        for column, field in enumerate(fields, start=1):
             slot = field.label if program.named else (row if program.width else 0, column)
             number, text = texts.pop(slot, (0, ""))
             used = max(used, number)
@@ -166,8 +170,10 @@ def _read(
                 values.setdefault(field.name, []).append(value)
             elif value != float(field.name):
                 raise ValueError(number, f"{field.label} = {text} means what no law here does")
-    for number, text in texts.values():
-        if program.named or (text and _number(number, text)):
+    for slot, (number, text) in texts.items():
+        if program.named:
+            remarks.append(f"line {number}: {slot} = {text} is left out")
+        elif _number(number, text):
             if number > used or program.width:
                 raise ValueError(number, f"{text} is of temperature, rate or another law")
             remarks.append(f"line {number}: {text} is left out")
@@ -180,31 +186,33 @@ def _read(
     return keys, form, tuple(remarks)
 
 
-def _texts(program: Program, lines: Sequence[_Line]) -> tuple[dict, list[str]]:
-    """Return number of line and text of the fields of rows, by label, or by row and column; and
-    remarks on other lines.
-    """
+def _texts(program: Program, lines: Sequence[_Line]) -> dict[Any, tuple[int, str]]:
+    """Return number of line and text of the fields of rows, by label, or by row and column."""
     found: dict[Any, tuple[int, str]] = {}
-    remarks = []
     size = program.width
-    row = 0
+    row = filled = 0
     for line in lines:
         match = _matched(program.rows, line)
         if not (line.compact or size):
             continue
         if program.rows and not match:
-            remarks.append(f"line {line.number}: {line.text.strip()} is left out")
-            continue
+            raise ValueError(line.number, f"{line.text.strip()} is not read")
         parts = match.groupdict() if match else {"fields": line.text}
+        if parts["fields"] is None:
+            continue
         cells = parts["fields"].split(",")
         if size and len(cells) == 1:
             cells = [line.text[at : at + size] for at in range(0, len(line.text), size)]
-        begin = int(parts.get("first") or 1) - 1 if program.rows else row * program.per_row
-        for column, cell in enumerate(cells, start=0 if size else begin):
+        begin = int(parts.get("first") or filled + 1) if program.rows else row * program.per_row + 1
+        for column, cell in enumerate(cells, start=1 if size else begin):
             slot = parts["label"] if program.named else (row if size else 0, column)
-            found[slot] = (line.number, cell.strip())
+            if slot in found and cell:
+                raise ValueError(line.number, f"{cell} is a second value, as for temperatures")
+            if cell.strip():
+                found[slot] = (line.number, cell.strip())
+                filled = column
         row += 1
-    return found, remarks
+    return found
 
 
 def _number(number: int, text: str) -> float:

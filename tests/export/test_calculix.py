@@ -39,6 +39,7 @@ LAWS_OF_CARDS = (
 @needs_calculix
 @pytest.mark.parametrize("law", LAWS_OF_CARDS, ids=lambda law: law.name)
 def test_a_bonded_cube_of_a_card_has_the_force_of_the_same_energy(law, tmp_path):
+    """A peridynamic lattice would be another discretization: FElupe has the same elements."""
     meant = as_read(law, PROGRAMS["calculix-card"].forms[law.name].U)
     material = imported(written(source_of_law(meant), "felupe", tmp_path)).Material()
     nodes, cells = cube(2)
