@@ -512,9 +512,16 @@ def test_ufl_differentiates_an_exported_energy(tmp_path):
     H = np.random.default_rng(3).standard_normal(F.shape)
     state, change, t = variable(F), variable(H), ufl.variable(ufl.as_ufl(0.5))
     energy = imported(written(source, "ufl", tmp_path)).psi(state + t * change)
+    slope = ufl.diff(energy, t)
     with np.errstate(all="ignore"):  # the values that conditions leave out
-        found = evaluated(ufl.diff(energy, t), {state: F, change: H, t: np.zeros(1)})
-    assert_close([found], [np.sum(answers[0] * H, axis=(1, 2))], (None, *answers), source)
+        found, second = (
+            evaluated(expression, {state: F, change: H, t: np.zeros(1)})
+            for expression in (slope, ufl.diff(slope, t))
+        )
+    stress, tangent = answers
+    assert_close([found], [np.einsum("nij,nij->n", stress, H)], (None, *answers), source)
+    right = np.einsum("nijkl,nij,nkl->n", tangent, H, H)
+    assert_close([second], [right], (None, *answers), source, TANGENT)
 
 
 def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):
