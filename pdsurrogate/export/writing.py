@@ -101,7 +101,7 @@ TARGETS = {
         "C     ",
         "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}."
         " The stress is Cauchy's and the tangent that of its Jaumann rate, in the order 11, 22, 33,"
-        " 12, 13, 23, for {elements}.",
+        " 12, 13, 23, for {elements}. CalculiX needs the file of --to calculix-umat.",
     ),
     "calculix-umat": Target(
         "umat.f",
