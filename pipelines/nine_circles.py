@@ -10,7 +10,9 @@ import math
 
 import numpy as np
 import scipy
-from cases import of_rows, percent, report
+from cases import of_rows, percent, report, stored
+from matplotlib.figure import Figure
+from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.materials import PLANES, homogeneous
@@ -29,11 +31,24 @@ YOUNG = 9 * LAW.bulk_modulus * MU / (3 * LAW.bulk_modulus + MU)
 
 def torn(size, spacing, **keys):
     """The summary of a slow tear of a rectangle or a box."""
+    return slowly(size, spacing, **keys).summary
+
+
+def slowly(size, spacing, **keys):
+    """The result of a slow tear."""
     base = {"name": "circle", "spacing": spacing, "material": LAW.describe(), "fracture": FRACTURE}
     shape = "box" if len(size) == 3 else "rectangle"
-    ratio = 1.75 if len(size) == 3 else 2.2
+    ratio = 1.75 if "body" in keys or len(size) == 3 else 2.2
     base |= {"body": {"shape": shape, "size": size}, "horizon_ratio": ratio}
-    return pds.simulate(pds.Scene.model_validate(base | keys), "bond-energy", threads=1).summary
+    return pds.simulate(pds.Scene.model_validate(base | keys), "bond-energy", threads=1)
+
+
+def rate(size, spacing, **keys):
+    """The energy release rate of the elastic body with the same cut."""
+    base = {"name": "elastic", "spacing": spacing, "material": LAW.describe()}
+    base |= {"body": {"shape": "rectangle", "size": size}, "horizon_ratio": 2.2, **keys}
+    found = pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
+    return found.levels[-1]["cracks"][0]["energy_release_rate"]
 
 
 def stretch_at(stress_at, stress):
@@ -84,13 +99,14 @@ def pure_shear(height, spacing, **keys):
     size = [2.6 * height, height]
     cut = [{"start": [-1, height / 2], "end": [1.1 * height, height / 2]}]
 
-    def rate(stretch):
+    def released(stretch):
         return height * homogeneous.pure_shear(LAW, stretch).energy_density
 
-    grown = stretch_at(rate, ENERGY)
+    grown = stretch_at(released, ENERGY)
     ends = [1 + 0.8 * (grown - 1), 1 + 1.1 * (grown - 1)]
     summary = torn(size, spacing, precuts=cut, grips=CLAMPS, stretches=ends, **keys)
-    yield result("pure shear", height, spacing, summary, rate(summary["crack"]["peak"]["stretch"]))
+    found = released(summary["crack"]["peak"]["stretch"])
+    yield result("pure shear", height, spacing, summary, found)
 
 
 def result(name, size, spacing, summary, found):
@@ -122,10 +138,7 @@ def cantilever(height, spacing, **fracture):
     ends = [0.05 * height, {"to": 0.3 * height, "outputs": 5}]
     summary = torn(size, spacing, steps=ends, **keys, **fracture)
     opening = summary["crack"]["peak"]["t"]
-    base = {"name": "elastic", "spacing": spacing, "material": LAW.describe(), "steps": [opening]}
-    base |= {"body": {"shape": "rectangle", "size": size}, "horizon_ratio": 2.2, **keys}
-    elastic = pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
-    rates = elastic.levels[-1]["cracks"][0]["energy_release_rate"]
+    rates = rate(size, spacing, steps=[opening], **keys)
     yield result("double cantilever", height, spacing, summary, rates)
 
 
@@ -136,6 +149,7 @@ GRIFFITH = [
     ("pure shear, no strength", 5.3, 0.06625),
     ("double cantilever", 6.0, 0.13),
     ("double cantilever, no strength", 6.0, 0.13),
+    ("trousers", 0.13),
 ]
 """Name, height and spacing of tests of long cuts."""
 
@@ -143,34 +157,148 @@ GRIFFITH = [
 def griffith(name, *given):
     """A row of a test by its name."""
     keys = {"fracture": {"energy": ENERGY}} if name.endswith("no strength") else {}
-    return (pure_shear if name.startswith("pure") else cantilever)(*given, **keys)
+    tests = {"pure": pure_shear, "double": cantilever, "trousers": legs}
+    return tests[name.split()[0]](*given, **keys)
 
 
 def notched(length, spacing):
-    """An edge cut in tension: nominal stress at the peak, Griffith's for small strains (with
-    Tada's factor) and the strength.
+    """An edge cut between rollers: nominal stress at the peak, that at which the elastic body has
+    the tearing energy, by the square, and the strength of the ligament.
     """
     side = max(4 * length, 1.6)
-    part = length / side
-    factor = math.sqrt(2 / (math.pi * part) * math.tan(math.pi * part / 2))
-    factor *= 0.752 + 2.02 * part + 0.37 * (1 - math.sin(math.pi * part / 2)) ** 3
-    factor /= math.cos(math.pi * part / 2)
-    griffith = math.sqrt(YOUNG * ENERGY / (math.pi * length)) / factor
-    cut = [{"start": [-1, side / 2], "end": [length, side / 2]}]
-    least = stretch_at(
-        lambda one: homogeneous.uniaxial(LAW, one).nominal_stress, 0.6 * min(griffith, UNIAXIAL)
-    )
-    summary = torn([side, side], spacing, precuts=cut, grips=ROLLERS, stretches=[least, 1.4])
-    peak = summary["crack"]["peak"]["nominal_stress"]
+    keys = {
+        "precuts": [{"start": [-1, side / 2], "end": [length, side / 2]}],
+        "grips": ROLLERS,
+    }
+    start = stretch_at(UNIFORM["uniaxial"][1], 0.04 / math.sqrt(max(length, 0.1)))
+    summary = torn([side, side], spacing, stretches=[start, 1.4], **keys)
+    peak = summary["crack"]["peak"]
+    fine = min(spacing, length / 8)  # a shorter one has no region around its tip
+    released = rate([side, side], fine, stretches=[peak["stretch"]], **keys)
+    griffith = peak["nominal_stress"] * math.sqrt(ENERGY / released)
     length_c = summary["strength"][0]["length"]
     gap = summary["quasi_static"]["greatest_energy_gap"]
-    start = summary["crack"]["start"]["cause"]
-    yield length / length_c, spacing, start, peak, griffith, UNIAXIAL * (1 - part), gap
+    cause = summary["crack"]["start"]["cause"]
+    part = UNIAXIAL * (1 - length / side)
+    yield length / length_c, spacing, cause, peak["nominal_stress"], griffith, part, gap
+
+
+def first(name, spacing, state, at_first, found):
+    """A row of a test whose first bond breaks by strength somewhere: what the exact fields give
+    for the state there, and what was found.
+    """
+    start = state["crack"]["start"]
+    gap = state["quasi_static"]["greatest_energy_gap"]
+    return name, spacing, start["cause"], start["x"], found, at_first, percent(found, at_first), gap
+
+
+def equivalent(stresses):
+    """The uniaxial stress as near to break as principal nominal stresses."""
+    share = UNIAXIAL / (3 * HYDROSTATIC)
+    stresses = np.asarray(stresses)
+    mises = math.sqrt(1.5 * np.square(stresses - stresses.mean()).sum())
+    return (1 - share) * mises + share * stresses.sum()
+
+
+CHIP = 0.0231
+"""Strain at which the middle of the bonded strip reaches the surface, by finite elements (FElupe
+11.3.0, 70 x 14 biquadratic elements; 0.0229 with 30 x 6, 0.0231 with 50 x 10).
+"""
+
+
+def chip(width, height, spacing):
+    """Half of a strip in plane strain, bonded to plates: strain at the first break."""
+    strength = {**FRACTURE["strength"], "at_grips": False}
+    keys = {
+        "plane": "strain",
+        "fracture": {**FRACTURE, "strength": strength},
+        "prescribed": [
+            {"region": "left", "x1": 0.0},
+            {"region": "bottom", "x1": 0.0, "x2": 0.0},
+            {"region": "top", "x1": 0.0, "x2": height},
+        ],
+    }
+    steps = [0.5 * CHIP, {"to": 1.6 * CHIP, "outputs": 4}]
+    found = torn([width / 2, height], spacing, steps=steps, **keys)
+    yield first(
+        "poker chip, plane strain: strain", spacing, found, CHIP, found["crack"]["start"]["t"]
+    )
+
+
+def rod(radius, length, spacing):
+    """A rod whose ends are turned: shear at the surface at the first break, and where the surface
+    there has the strength, in an incompressible material.
+    """
+
+    def load(shear):
+        squares, stress = 1 + shear**2 / 2 + shear * math.sqrt(1 + shear**2 / 4), []
+        for square in (squares, 1 / squares, 1.0):
+            stress.append(MU * (square - 1) / math.sqrt(square))
+        return equivalent(stress)
+
+    expected = scipy.optimize.brentq(lambda one: load(one) - UNIAXIAL, 1e-6, 2.0)
+    angle = math.degrees(length / radius)
+    ends = [{"region": "back", "x1": 0.0, "x2": 0.0, "x3": 0.0}]
+    turn = {"rotation": angle, "about": [0.0, 0.0, length], "axis": [0.0, 0.0, 1.0]}
+    strength = {**FRACTURE["strength"], "at_grips": False}
+    found = torn(
+        [],
+        spacing,
+        body={"shape": "cylinder", "radius": radius, "length": length},
+        prescribed=[*ends, {"region": "front", **turn}],
+        fracture={**FRACTURE, "strength": strength},
+        steps=[0.8 * expected, {"to": 1.3 * expected, "outputs": 4}],
+    )
+    yield first("torsion: shear", spacing, found, expected, found["crack"]["start"]["t"])
+
+
+def legs(spacing):
+    """A trouser tear: energy by the mean force on the legs while it runs (Rivlin and Thomas)."""
+    unit = spacing / 0.6666666666666667
+    base = pds.load_scene("trousers").model_dump()
+    box = {
+        "one": [[0.0, 0.0, 0.66], [0.46, 8.0, 1.01]],
+        "two": [[0.0, 8.0, 0.66], [0.46, 16.0, 1.01]],
+    }
+    keys = {
+        "regions": {name: {"box": (unit * np.array(ends)).tolist()} for name, ends in box.items()},
+        "prescribed": base["prescribed"],
+        "precuts": [
+            {"corner": [-1.0, 8 * unit, -1.0], "sides": [[1 + 16 * unit, 0, 0], [0, 0, 4.0]]}
+        ],
+        "horizon_ratio": 2.2,
+    }
+    size = [32 * unit, 16 * unit, 2 * unit]
+    run = slowly(size, spacing, steps=[8 * unit, {"to": 22 * unit, "outputs": 14}], **keys)
+    rows = [(row["t"], abs(row["force_one_3"])) for row in run.history if row["t"] > 16 * unit]
+    travel, force = np.array(rows).T
+    mean = np.trapezoid(force, travel) / np.ptp(travel)
+    found, summary = pds.tearing_energy(LAW, mean, 8 * unit, 2 * unit), run.summary
+    yield result("trousers", 16 * unit, spacing, summary, found)
+
+
+def fields(name, *given):
+    """A row of a test by its name."""
+    return (chip if name == "chip" else rod)(*given)
+
+
+def draw():
+    """Stress at the peak against the length of the notch."""
+    rows = [row for rows in stored("circles-notch").values() for row in rows]
+    lengths, _, _, found, griffith, strength, _ = zip(*rows, strict=True)
+    drawing = Figure(figsize=(4.5, 3.2), layout="constrained")
+    axes = drawing.subplots()
+    axes.loglog(lengths, found, "o-", label="found")
+    axes.loglog(lengths, [one or np.nan for one in griffith], "--", label="Griffith")
+    axes.loglog(lengths, strength, ":", label="strength of the ligament")
+    axes.set(xlabel="length of the notch / l_c", ylabel="nominal stress at the peak (MPa)")
+    axes.legend()
+    drawing.savefig(FIGURES / "nine-circles.png", dpi=150)
 
 
 if __name__ == "__main__":
     gap = "energy error (%): +.2f"
-    first, spacing = "first bond by", "spacing: g"
+    first_by, spacing = "first bond by", "spacing: g"
     errors = "error (%): +.1f"
     report(
         __doc__,
@@ -179,20 +307,28 @@ if __name__ == "__main__":
             uniform,
             [(state, one, 2) for state in ("uniaxial", "equibiaxial") for one in (0.1, 0.05)]
             + [(state, 0.125, 3) for state in UNIFORM],
-            *("state", "dimension: d", spacing, first),
+            *("state", "dimension: d", spacing, first_by),
             *("nominal stress at break: .4f", "strength: .4f", errors),
         ),
         of_rows(
             "circles-griffith",
             griffith,
             GRIFFITH,
-            *("test", "height: g", spacing, first, "G: .4f", errors, gap),
+            *("test", "height: g", spacing, first_by, "G: .4f", errors, gap),
+        ),
+        of_rows(
+            "circles-fields",
+            fields,
+            [("chip", 10.0, 1.0, 0.1), ("chip", 10.0, 1.0, 0.05), ("rod", 1.5, 1.5, 0.125)],
+            *("test", spacing, first_by, "place: .2f", "at the first break: .4f"),
+            *("where the surface is reached: .4f", errors, gap),
         ),
         of_rows(
             "circles-notch",
             notched,
             [(0.11, 0.055), (0.33, 0.11), (1.1, 0.11), (3.3, 0.11)],
-            *("cut (l_c): .2f", spacing, first, "nominal stress at the peak: .4f"),
+            *("cut (l_c): .2f", spacing, first_by, "nominal stress at the peak: .4f"),
             *("Griffith: .4f", "strength of the ligament: .4f", gap),
         ),
     )
+    draw()

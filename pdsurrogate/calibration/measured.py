@@ -18,6 +18,7 @@ from ..problem.materials import checked_models
 from ..progress import listening
 from ..results import Result
 from ..run.followed import FollowedRun
+from ..run.parameters import check_not_at_break
 from ..run.sensitivity import Differentiated, Jacobian, differentiated
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
@@ -94,6 +95,7 @@ class MeasuredScene:
         self.number = number
         self.rows = rows
         self.used = 0.0
+        check_not_at_break(outputs or (), "outputs")
         named = outputs if outputs is not None else [] if rows.is_field.all() else [FORCE_PULLED]
         self.outputs = [
             pulled_force(scene) if name == FORCE_PULLED else (name, 1.0) for name in named

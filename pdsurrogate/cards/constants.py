@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from ..materials import ArrudaBoyce, Law, Ogden
+from ..materials import ArrudaBoyce, Gent, Law, Ogden
 
 NO_TERM = 1e20
 """Constant D of a volumetric term that is not there, in any unit: CalculiX 2.20 replaces a zero by
@@ -17,6 +17,10 @@ SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 """Factors of I1bar^i - 3^i, i from 1, in the series of the eight-chain law over powers of 1/N.
 Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389.
 """
+
+
+POWERS: dict[str, Callable] = {"mu": lambda a: 1.0, "mu_1": lambda a: a, "mu_2": lambda a: a / 2}
+"""What programs take for a term mu/a (l1^a + l2^a + l3^a - 3), over mu, by name."""
 
 
 def _volume(U: Callable, slope: Callable, curvature: Callable) -> Callable:
@@ -30,11 +34,7 @@ def _volume(U: Callable, slope: Callable, curvature: Callable) -> Callable:
 
 VOLUMES = {
     "K/2 (J - 1)^2": _volume(lambda J: (J - 1) ** 2 / 2, lambda J: J - 1, lambda J: 1 + 0 * J),
-    "K/2 ((J^2 - 1)/2 - ln J)": _volume(
-        lambda J: (J**2 - 1) / 4 - np.log(J) / 2,
-        lambda J: (J - 1 / J) / 2,
-        lambda J: (1 + J**-2) / 2,
-    ),
+    "K/2 ((J^2 - 1)/2 - ln J)": Gent.volumetric,
     "K/2 (ln J)^2": _volume(
         lambda J: np.log(J) ** 2 / 2,
         lambda J: np.log(J) / J,
@@ -82,9 +82,9 @@ def constants_of(law: Law) -> dict[str, tuple[float, ...]]:
     """Return the constants of a law under all names of programs.toml.
 
     mu0 and K are the initial moduli, nu Poisson's ratio, D = 2/K with `NO_TERM` for further terms,
-    C the Ci0 of powers of I1bar - 3. Of powers of stretches l^alpha, mu belongs to mu/alpha, mu_1
-    to mu/alpha^2 and mu_2 to 2 mu/alpha^2. Of the series of the eight-chain law, chains is the
-    factor, links N and lock its root.
+    C the Ci0 of powers of I1bar - 3. Of powers of stretches, mu and alpha are those of the law,
+    mu_1 and mu_2 those of `POWERS`. Of the series of the eight-chain law, chains is the factor,
+    links N and lock its root.
     """
     mu, K = law.shear_modulus, law.bulk_modulus
     found = {"mu0": (mu,), "K": (K,), "nu": ((3 * K - 2 * mu) / (6 * K + 2 * mu),)}
@@ -107,11 +107,10 @@ def constants_of(law: Law) -> dict[str, tuple[float, ...]]:
         found |= {"C10": C[:1], "C20": C[1:2], "C30": C[2:], "C01": (C01,), "C": C[:terms]}
         moduli = (2 * C10, -2 * C01)[: 1 + (C01 > 0)]
     found["D"] = (2 / K, *[NO_TERM] * (terms - 1))
-    for name, factor in (("mu", 0.0), ("mu_1", 1.0), ("mu_2", 0.5)):
-        found[name] = tuple(
-            mu * (factor * alpha or 1.0) for mu, alpha in zip(moduli, exponents, strict=False)
-        )
-    return found | {"alpha": tuple(exponents)[: len(moduli)]}
+    found["alpha"] = tuple(exponents)[: len(moduli)]
+    for name, over in POWERS.items():
+        found[name] = tuple(m * over(a) for m, a in zip(moduli, found["alpha"], strict=True))
+    return found
 
 
 def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
@@ -134,15 +133,15 @@ def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     elif "Jm" in first:
         keys = {"law": "gent", "chain_limit": first["Jm"]}
     elif alphas := found.get("alpha"):
-        twice = [2 * mu for mu in found.get("mu_2", ())]
-        over = [mu / (a or 1) for mu, a in zip(found.get("mu_1", twice), alphas, strict=False)]
-        pairs = [pair for pair in zip(found.get("mu", over), alphas, strict=True) if pair[0]]
+        name = next(name for name in POWERS if name in found)
+        terms = zip(found[name], alphas, strict=False)
+        pairs = [(m / (POWERS[name](a) or 1.0), a) for m, a in terms if m]
+        modulus = sum(m * a for m, a in pairs) / 2
         moduli, exponents = ([pair[k] for pair in pairs] for k in range(2))
-        modulus = sum(mu * alpha for mu, alpha in pairs) / 2
-        keys = {"law": "ogden", "moduli": moduli, "exponents": exponents}
         if exponents in ([2], [2, -2]):
-            keys = {}
             C[0], C01 = moduli[0] / 2, -sum(moduli[1:]) / 2
+        else:
+            keys = {"law": "ogden", "moduli": moduli, "exponents": exponents}
     if any(C[3:]) or (C01 and any(C[1:])):
         raise ValueError("no law here has all of its constants")
     modulus = modulus or 2 * (C[0] + C01)

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any, NamedTuple
 
+from ..arguments import suggestion
+from .constants import law_keys
+
 PER_TERM = ("C", "D", "mu", "mu_1", "mu_2", "alpha")
 """Constants of `constants_of` of which a law has one for every term."""
 
@@ -155,11 +158,13 @@ def _programs() -> dict[str, Program]:
     text = resources.files(__package__).joinpath("programs.toml").read_text("utf-8")
     given = tomllib.loads(text)
     for name, own in given.items():
-        described = {**given.get(own.pop("like", ""), {}), **own}
-        forms = {
-            law: Form(law, **{key: tuple(v) if type(v) is list else v for key, v in each.items()})
-            for law, each in described["forms"].items()
-        }
+        like = given.get(own.pop("like", ""), {"forms": {}})
+        described = {**like, **own}
+        forms = {}
+        for law in {**like["forms"], **own.get("forms", {})}:
+            form = {**like["forms"].get(law, {}), **own.get("forms", {}).get(law, {})}
+            form = {key: tuple(v) if type(v) is list else v for key, v in form.items()}
+            forms[law] = Form(law, **form)
         keys = {compact(key) for form in forms.values() for key in form.keys} - {""}
         longest_first = sorted(map(re.escape, keys), key=len, reverse=True)
         described["heads"] = described["heads"].replace("{keys}", "|".join(longest_first))
@@ -169,3 +174,56 @@ def _programs() -> dict[str, Program]:
 
 PROGRAMS = _programs()
 """Programs by their names on the command line."""
+
+
+def keys_of_constants(convention: str, law: str, given: Mapping[str, float]) -> dict[str, Any]:
+    """Return the keys of the material of a scene whose constants have the names of a program.
+
+    Parameters
+    ----------
+    convention : str
+        A name of `PROGRAMS`, without ``-card``.
+    law : str
+        Name of the law here.
+    given : mapping of float
+        Constants by their names in the program; those that are left out are 0.
+
+    Raises
+    ------
+    ValueError
+        If the program has no such law or constant; the message says what it has.
+
+    Examples
+    --------
+    >>> from pdsurrogate.cards.programs import keys_of_constants
+    >>> keys_of_constants("calculix", "mooney-rivlin", {"C10": 0.25, "C01": 0.25, "D1": 0.02})
+    {'law': 'mooney-rivlin', 'second_share': 0.5, 'shear_modulus': 1.0, 'bulk_modulus': 100.0}
+    """
+    programs = {name.removesuffix("-card"): program for name, program in PROGRAMS.items()}
+    if convention not in programs:
+        choice = suggestion(convention, sorted(programs))
+        raise ValueError(f"unknown convention {convention!r}; {choice}")
+    forms = programs[convention].forms
+    if law not in forms:
+        choice = suggestion(law, sorted(forms), "it has")
+        raise ValueError(f"{convention} has no law {law!r}; {choice}")
+    form = forms[law]
+    fields = [
+        each
+        for row in form.fields(form.terms or form.most or 1)
+        for each in row
+        if each.name[0] != "?" and not each.name.isdigit()
+    ]
+    labels = [each.label for each in fields]
+    for key, value in given.items():
+        if key not in labels:
+            choice = suggestion(key, labels, "it has")
+            raise ValueError(f"{law} of {convention} has no constant {key!r}; {choice}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{key} must be a number, not {value!r}")
+    terms = 1 + max((each.term for each in fields if each.label in given), default=0)
+    values: dict[str, list[float]] = {}
+    for each in fields:
+        if each.term < terms:
+            values.setdefault(each.name, []).append(float(given.get(each.label, 0.0)))
+    return law_keys(values)

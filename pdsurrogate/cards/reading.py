@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,7 +90,7 @@ def read_text(text: str, source: str, name: str = "") -> tuple[dict, Form, tuple
     else:
         names = ", ".join(program.program for program in PROGRAMS.values())
         raise ValueError(f"{source}: no line begins a hyperelastic material of {names}")
-    chosen = [head for head in heads if not name or head.name.upper() == name.upper()]
+    chosen = [head for head in heads if not name or compact(head.name) == compact(name)]
     if len(chosen) != 1:
         names = ", ".join(head.name for head in heads)
         raise ValueError(f"{source}: name one of its hyperelastic materials: {names}")
@@ -119,7 +120,7 @@ def _heads(program: Program, lines: list[_Line]) -> Iterator[_Head]:
     name = ""
     for at, line in enumerate(lines):
         if named := _matched(program.names, line):
-            name = named[1]
+            name = named[1].strip('"')
         if head := _matched(program.heads, line):
             parts = head.groupdict()
             yield _Head(at, name or parts.get("name") or f"line {line.number}", parts)
@@ -132,29 +133,33 @@ def _read(
     that is not the head's, and its reason.
     """
     if head.parts.get("other"):
-        raise ValueError(f"{head.parts['other']} is not read, only the constants of a law")
+        raise ValueError(
+            f"{head.parts['other']} is not read, only the constants of a law; identify and fit take"
+            " test data from decks"
+        )
     form = program.form_of(head.parts["key"] or "")
     stated = int(head.parts.get("terms") or 0)
     if form.only and stated not in (0, form.only):
         raise ValueError(f"{form.keys[0]} is read with {form.only} terms, not with {stated}")
-    named = [at for at, line in enumerate(lines) if _matched(program.names, line)] or heads
-    begin = max((at for at in named if at <= head.at), default=head.at)
-    section = lines[begin : min((at for at in named if at > head.at), default=len(lines))]
+    begins = [at for at, line in enumerate(lines) if _matched(program.names, line)] or heads
+    begin = max((at for at in begins if at <= head.at), default=head.at)
+    end = min((at for at in begins if at > head.at), default=len(lines))
     keys: dict[str, Any] = {}
-    for line, following in zip(section, [*section[1:], None], strict=True):
+    for line, following in pairwise([*lines[begin:end], _Line(0, "", "")]):
         if _matched(program.refused, line):
             raise ValueError(line.number, f"{line.text.strip()} means what no law here does")
-        if following and program.softening and compact(line.text) == compact(program.softening):
+        if program.softening and line.compact.upper() == compact(program.softening):
             numbers = [_number(following.number, one) for one in following.text.split(",")]
             keys["softening"] = dict(zip(("r", "m", "beta"), [*numbers, 0.0], strict=False))
     rest = lines[head.at + 1 + program.skip + bool(head.parts.get("title")) :]
     ends = (at for at, line in enumerate(rest) if _matched(program.ends, line))
-    texts, remarks = _texts(program, rest[: next(ends, len(rest))])
+    texts = _texts(program, rest[: next(ends, len(rest))])
+    remarks = []
     values: dict[str, list[float]] = {}
     used = 0
     unstated = 0 if "terms" in head.parts else form.most
     for row, fields in enumerate(form.fields(form.only or stated or form.terms or unstated or 1)):
-        for column, field in enumerate(fields):
+        for column, field in enumerate(fields, start=1):
             slot = field.label if program.named else (row if program.width else 0, column)
             number, text = texts.pop(slot, (0, ""))
             used = max(used, number)
@@ -165,12 +170,12 @@ def _read(
                 values.setdefault(field.name, []).append(value)
             elif value != float(field.name):
                 raise ValueError(number, f"{field.label} = {text} means what no law here does")
-    for number, text in texts.values():
-        if program.named or (text and _number(number, text)):
-            if number > used:
-                raise ValueError(
-                    number, "constants that depend on temperature or rate are not here"
-                )
+    for slot, (number, text) in texts.items():
+        if program.named:
+            remarks.append(f"line {number}: {slot} = {text} is left out")
+        elif _number(number, text):
+            if number > used or program.width:
+                raise ValueError(number, f"{text} is of temperature, rate or another law")
             remarks.append(f"line {number}: {text} is left out")
     D = [one or np.inf for one in values.get("D", [0.0])]
     extra = sum(i * 0.1 ** (2 * i - 2) * D[0] / one for i, one in enumerate(D[1:], start=2))
@@ -181,33 +186,33 @@ def _read(
     return keys, form, tuple(remarks)
 
 
-def _texts(program: Program, lines: Sequence[_Line]) -> tuple[dict, list[str]]:
-    """Return number of line and text of the fields of rows, by label, or by row and column; and
-    remarks on other lines.
-    """
+def _texts(program: Program, lines: Sequence[_Line]) -> dict[Any, tuple[int, str]]:
+    """Return number of line and text of the fields of rows, by label, or by row and column."""
     found: dict[Any, tuple[int, str]] = {}
-    remarks = []
-    row = 0
+    size = program.width
+    row = filled = 0
     for line in lines:
-        match = _matched(program.rows or ".*", line)
-        if not match and line.compact:
-            remarks.append(f"line {line.number}: {line.text.strip()} is left out")
-        if not match or not (line.compact or program.width):
+        match = _matched(program.rows, line)
+        if not (line.compact or size):
             continue
-        parts = match.groupdict()
-        if program.named:
-            found[parts["label"]] = (line.number, parts["fields"])
+        if program.rows and not match:
+            raise ValueError(line.number, f"{line.text.strip()} is not read")
+        parts = match.groupdict() if match else {"fields": line.text}
+        if parts["fields"] is None:
             continue
-        text = parts.get("fields") or (line.text if program.width else line.compact)
-        size = program.width
-        cells = text.split(",")
+        cells = parts["fields"].split(",")
         if size and len(cells) == 1:
-            cells = [text[at : at + size] for at in range(0, len(text), size)]
-        begin = int(parts["first"] or 1) - 1 if "first" in parts else row * program.per_row
-        for column, cell in enumerate(cells, start=0 if size else begin):
-            found[row if size else 0, column] = (line.number, cell.strip())
+            cells = [line.text[at : at + size] for at in range(0, len(line.text), size)]
+        begin = int(parts.get("first") or filled + 1) if program.rows else row * program.per_row + 1
+        for column, cell in enumerate(cells, start=1 if size else begin):
+            slot = parts["label"] if program.named else (row if size else 0, column)
+            if slot in found and cell:
+                raise ValueError(line.number, f"{cell} is a second value, as for temperatures")
+            if cell.strip():
+                found[slot] = (line.number, cell.strip())
+                filled = column
         row += 1
-    return found, remarks
+    return found
 
 
 def _number(number: int, text: str) -> float:

@@ -22,7 +22,7 @@ RATIOS = np.array([0.9, 1.1])
 
 CONVOLUTION = (
     "its branches are not the convolutions of *VISCOELASTIC, TB,PRONY and their kin: of a stretch"
-    " of 2 that is held, a branch has 0.19 of its stress left after its time, a convolution 0.37"
+    " of 2 that is held, a branch has 0.18 of its stress left after its time, a convolution 0.37"
 )
 
 

@@ -18,7 +18,7 @@ from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
 from ..scenes.reading import leaves
 from ..solvers.equilibrium import NoEquilibrium
-from .parameters import by_key, laws_of, numbers_in
+from .parameters import by_key, check_not_at_break, laws_of, numbers_in
 from .reopened import check_intact, number_of_output
 from .sensitivity import LEAST_EXACT, STEP, TINY, Jacobian, differentiated
 
@@ -41,6 +41,7 @@ def differentiate(
                 f"{what}: must be a list of names such as ['nominal_stress'] or"
                 f" ['material.shear_modulus'], not {names!r}"
             )
+        check_not_at_break(names, what)
     number = number_of_output(scene, models, result, level, "sensitivity", "derivatives")
     control = [stage.control for stage in stages_of(scene) for _ in range(stage.outputs)][number]
     _check(scene, models, result, parameters, loading, control, number)

@@ -3,7 +3,7 @@ parameters, and measurements of an output.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +22,23 @@ PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 the points nor which of them are held.
 """
 
+AT_BREAK = re.compile(r"(crack|(materials\.\d+\.)?fracture)(\..*)?|peak_nominal_stress")
+"""Names of results that are the load at break or the crack's, and of numbers that decide it."""
+
 MODULI = ("shear_modulus", "bulk_modulus")
 """Numbers of a law that are no part of its `Law.shape`."""
+
+
+def check_not_at_break(names: Iterable[str], what: str) -> None:
+    """Raise ValueError if one of the names is that of the load at break, or of a number that
+    decides it; `what` says of what they are the names.
+    """
+    for name in names:
+        if AT_BREAK.fullmatch(name):
+            raise ValueError(
+                f"{what}: {name}: what a body bears at break has no derivative, since bonds break"
+                " one after another; compare runs, in a study over the number"
+            )
 
 
 def laws_of(scene: Scene) -> dict[str, Law]:

@@ -156,6 +156,7 @@ class MaterialSpec(StrictModel):
     **extra_data : float or list of float
         Parameters of the law. ``card`` in the place of `law` is the path of a file with a material
         card of another program, ``name`` a material in it; other parameters replace its own.
+        ``convention`` is another program, whose names the constants have: see the guide.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -171,8 +172,8 @@ class MaterialSpec(StrictModel):
     def _from_name(cls, value: Any) -> Any:
         if isinstance(value, Law):  # in Python: as a regressor has found it
             return value.describe()
-        if isinstance(value, Mapping) and "card" in value:
-            return _of_card(dict(value))
+        if isinstance(value, Mapping) and ("card" in value or "convention" in value):
+            return _of_program(dict(value))
         if isinstance(value, Mapping) and "artifact" in value:
             if len(value) > 1:
                 other = next(key for key in value if key != "artifact")
@@ -267,19 +268,29 @@ class MaterialSpec(StrictModel):
         return bool(self.branches or self.prony or self.softening)
 
 
-def _of_card(given: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of a material whose ``card`` is a file, with the other keys given."""
-    from ..cards.reading import read_card
+def _of_program(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of a material that is stated as another program states it: with a ``card`` in
+    a file, or with constants whose names are those of the ``convention``.
+    """
+    own = {key: given.pop(key) for key in (*MEMORY, "bulk_modulus") if key in given}
+    if "card" in given:
+        from ..cards.reading import read_card
 
-    if "law" in given:
-        raise ValueError("card states the law; remove law")
-    card = str(given.pop("card"))
-    keys, _, remarks = read_card(card, str(given.pop("name", "")))
-    for remark in remarks:
-        warnings.warn(f"{card}: {remark}", stacklevel=2)
-    keys |= given
+        source = str(given.pop("card"))
+        keys, _, remarks = read_card(source, str(given.pop("name", "")))
+        for remark in remarks:
+            warnings.warn(f"{source}: {remark}", stacklevel=2)
+        if "law" in given:
+            raise ValueError("card states the law; remove law")
+        keys |= given
+    else:
+        from ..cards.programs import keys_of_constants
+
+        source = str(given.pop("convention"))
+        keys = keys_of_constants(source, str(given.pop("law", "")), given)
+    keys |= own
     if "bulk_modulus" not in keys:
-        raise ValueError(f"{card} states no bulk modulus: give bulk_modulus beside card")
+        raise ValueError(f"{source} states no bulk modulus: give bulk_modulus")
     return keys
 
 

@@ -712,6 +712,7 @@ def test_the_weak_form_gives_the_start(gent_thomas):
     ("parameters", "given", "error", "message"),
     [
         ({"outputs": []}, {}, ValueError, "outputs: the list is empty; give names, such as"),
+        ({"outputs": ["crack.peak.force"]}, {}, ValueError, "what a body bears at break has no"),
         (
             {"outputs": "force"},
             {},

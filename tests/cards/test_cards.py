@@ -108,6 +108,19 @@ def test_softening_is_a_card_of_abaqus(tmp_path):
     assert built(read_card(path)[0]).memory == SOFT
 
 
+def test_the_refusal_of_branches_states_how_they_relax():
+    """In a hold, of which a convolution with exp(-t/time) keeps 1/e of the first stress."""
+    law = M.NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
+    time = np.linspace(0, 1, 201)
+    found = M.histories.stress_history(
+        law, "uniaxial", time, np.full(201, 2.0), True
+    ).nominal_stress
+    elastic = 2 - 1 / 4
+    left = (found[-1] - elastic) / (found[0] - elastic)
+    with pytest.raises(ValueError, match=f"{left:.2f} of its stress .* {np.exp(-1):.2f};"):
+        card_of(law, "abaqus-card", "RUBBER")
+
+
 class Own(M.NeoHookean):
     pass
 
@@ -137,15 +150,21 @@ READ = {
     "*Material, name=A\n*Density\n1e-9\n*Hyperelastic, n=1\n .2, .1, 0.05\n": M.MooneyRivlin(
         0.6, 40.0, second_share=1 / 3
     ),
-    "*MATERIAL,NAME=A\n*HYPERELASTIC,REDUCED POLYNOMIAL,N=2\n0.2,2.D-2,.05\n": M.Yeoh(
+    '*material, name="My rubber"\n**\n*HYPERELASTIC, Reduced polynomial, N=2\n.2,2.D-2,.05': M.Yeoh(
         0.4, 40.0, second=0.1, third=0.0
     ),
     "*HYPERELASTIC, MODULI=LONG TERM, OGDEN\n.45, 3., .05": EXAMPLES["ogden"],
-    "TB,HYPER,2,,,OGDEN\nTBDATA,1,0.3 ! mu\nTBDATA,2,3\nTBDATA,3,.05\n": EXAMPLES["ogden"],
+    "TB,HYPE,2,,,OGDE\nTBTEMP,22.\nTBDATA,1,0.3 ! mu\nTBDATA,,3,.05,,,\nMP,DENS,1,1.\n": EXAMPLES[
+        "ogden"
+    ],
     "*MAT_077_O_TITLE\nseal\n$ mid\n1, 1.E-9, 0.495\n0.3\n3.\n": M.Ogden(
         bulk_modulus=0.45 * 2 * 1.495 / 0.03, moduli=(0.3,), exponents=(3.0,)
     ),
-    '<material id="2" name="s" type="Gent">\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>\n</material>': (
+    "/MAT/LAW42/7/1\nfilm\n#  rho\n"
+    + f"{1e-9:20}\n{0.495:20}{0:20}{0:20}{1:20}{0:10}{1:10}\n{0.4:20}{0:20}\n{0:20}\n{2:20}\n\n": (
+        M.NeoHookean(0.4, 0.4 * 2 * 1.495 / 0.03)
+    ),
+    '<material id="2" type="Gent">\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>\n<density>1</density>': (
         EXAMPLES["gent"]
     ),
 }
@@ -170,7 +189,7 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
         ("*ELASTIC\n1, 0.3\n", "no line begins a hyperelastic material of Abaqus, CalculiX"),
         (HEAD + "0.2, x\n", "line 3: 'x' is not a number"),
         (HEAD + "-0.2, 0.05\n", "line 2: its initial shear modulus is -0.4"),
-        (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: constants that depend on temperature"),
+        (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: .1 is of temperature"),
         (HEAD + ".2, .05\n*VISCOELASTIC, TIME=PRONY\n.1,,1\n", "line 4: .*VISCOELASTIC"),
         (HEAD + ".2, .05\n" + HEAD.replace("=A", "=B") + ".1, .05\n", "materials: A, B"),
         ("*HYPERELASTIC, TEST DATA INPUT, YEOH\n", "line 1: TESTDATAINPUT is not read"),
@@ -178,7 +197,16 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
         ("*HYPERELASTIC, REDUCED POLYNOMIAL, N=4\n1,,,1\n", "line 1: no law here has all"),
         ("*HYPERELASTIC, YEOH\n.2, -1., 0., .05\n", "line 1: yeoh: second = -5"),
         ("*MAT_077_H\n1, 1., .49\n.2, .1, .3\n", "line 3: c11 = .3 means what no law"),
-        ("*MAT_077_O\n1, 1., .49\n.2\n3.\n.1, 5.\n", "line 5: constants that depend on"),
+        (
+            "*MAT_077_O\n1, 1., .49\n.2\n3.\n.1, 5.\n",
+            "line 5: .1 is of",
+        ),
+        (
+            "TB,HYPE,1,2,2,NEO\nTBTEMP,0\nTBDATA,,1,1\nTBTEMP,9\nTBDATA,1,2\n",
+            "line 5: 2 is a",
+        ),
+        ('<material id="2" type="Gent">\n<G lc="1">1</G>\n</material>', "line 2: .* is not read"),
+        ("/MAT/LAW42/1\nr\n1.\n0.49\n1.\n2.\n2.\n4.\n", "line 6: 2. is of"),
     ],
 )
 def test_what_no_law_here_says_is_refused_with_its_line(text, message, tmp_path):

@@ -13,8 +13,11 @@ from calculix_cubes import bonded, cube, in_calculix, in_felupe
 from test_export import imported, soft, written
 
 import pdsurrogate as pds
+from pdsurrogate.cards.constants import as_read
+from pdsurrogate.cards.programs import PROGRAMS
+from pdsurrogate.cards.writing import card_of
 from pdsurrogate.export import source_of_artifact, source_of_law
-from pdsurrogate.materials import LAWS, Branch, InvariantLaw, Memory, Softening
+from pdsurrogate.materials import LAWS, Branch, Memory, Softening
 
 OBJECTS = Path(__file__).parents[2] / "build/calculix"
 needs_objects = pytest.mark.skipif(
@@ -24,59 +27,24 @@ needs_objects = pytest.mark.skipif(
 LIBRARIES = ("-lspooles", "-larpack", "-llapack", "-lblas", "-lpthread", "-lm", "-fopenmp")
 
 
-def penalty(J3, parameters):
-    """CalculiX's volumetric energy K/2 (J - 1)^2 of all laws but Arruda and Boyce's."""
-    K = parameters[0]
-    return K / 2 * (J3 - 1) * (J3 - 1), K * (J3 - 1), K + 0 * J3
-
-
-def in_calculix_with(law, **parameters):
-    """A law with the volumetric energy of CalculiX."""
-    own = type(law.__name__, (law,), {"volumetric": staticmethod(penalty)})
-    return own(**parameters)
-
-
-class Series(InvariantLaw):
-    """Arruda and Boyce's law as CalculiX has it: five terms, and U of `Gent`; mu = 0.9 and the
-    locking stretch 3.
-    """
-
-    name = "series"
-    terms = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-    volumetric = staticmethod(pds.materials.Gent.volumetric)
-
-    @staticmethod
-    def isochoric(I1, I2, parameters):
-        W = slope = bend = 0 * I1
-        for i, C in enumerate(Series.terms, start=1):
-            C = 0.9 * C / 9 ** (i - 1) / MODULUS
-            W = W + C * (I1**i - 3**i)
-            slope = slope + i * C * I1 ** (i - 1)
-            bend = bend + i * (i - 1) * C * I1 ** max(i - 2, 0)
-        return W, slope, 0 * I1, bend, 0 * I1, 0 * I1
-
-
-MODULUS = 0.9 * sum(2 * i * C / 3 ** (i - 1) for i, C in enumerate(Series.terms, start=1))
-CARDS = {
-    "NEO HOOKE\n0.5, 0.02": in_calculix_with(pds.materials.NeoHookean, shear_modulus=1.0),
-    "MOONEY-RIVLIN\n0.3, 0.2, 0.02": in_calculix_with(pds.materials.MooneyRivlin, second_share=0.4),
-    "YEOH\n0.5, -0.01, 0.005, 0.02, 1e20, 1e20": in_calculix_with(
-        pds.materials.Yeoh, second=-0.02, third=0.01
-    ),
-    "OGDEN, N=1\n1., 3., 0.02": in_calculix_with(
-        pds.materials.Ogden, moduli=(2 / 3,), exponents=(3.0,)
-    ),
-    "ARRUDA-BOYCE\n0.9, 3., 0.02": Series(shear_modulus=MODULUS),
-}
+LAWS_OF_CARDS = (
+    pds.materials.NeoHookean(1.0),
+    pds.materials.MooneyRivlin(1.0, second_share=0.4),
+    pds.materials.Yeoh(1.0, second=-0.02, third=0.01),
+    pds.materials.Ogden(moduli=(2 / 3,), exponents=(3.0,)),
+    pds.materials.ArrudaBoyce(1.0, chain_links=9.0),
+)
 
 
 @needs_calculix
-@pytest.mark.parametrize(("card", "law"), CARDS.items(), ids=lambda each: getattr(each, "name", ""))
-def test_a_bonded_cube_of_a_card_has_the_force_of_the_same_energy(card, law, tmp_path):
-    material = imported(written(source_of_law(law), "felupe", tmp_path)).Material()
+@pytest.mark.parametrize("law", LAWS_OF_CARDS, ids=lambda law: law.name)
+def test_a_bonded_cube_of_a_card_has_the_force_of_the_same_energy(law, tmp_path):
+    """A peridynamic lattice would be another discretization: FElupe has the same elements."""
+    meant = as_read(law, PROGRAMS["calculix-card"].forms[law.name].U)
+    material = imported(written(source_of_law(meant), "felupe", tmp_path)).Material()
     nodes, cells = cube(2)
     moves = bonded(nodes, 1.5)
-    card = f"*MATERIAL, NAME=RUBBER\n*HYPERELASTIC, {card}"
+    card = card_of(law, "calculix-card", "RUBBER")
     forces, _ = in_calculix(tmp_path, card, nodes, cells, moves, 4)
     expected = in_felupe(material, nodes, cells, moves, 4)
     assert abs(forces - expected).max() <= 1e-5 * abs(expected).max()

@@ -619,6 +619,28 @@ def test_a_slow_tear_on_two_ranks_breaks_the_same_bonds(ranks, tmp_path):
     assert stresses[1] == pytest.approx(stresses[0], rel=1e-3)
 
 
+@several
+@pytest.mark.slow
+def test_strengths_break_the_same_bonds_with_the_same_bits(ranks, tmp_path):
+    """Discs reach across ranks, and two numbers decide; without an equilibrium before, whose last
+    bits depend on the number of ranks.
+    """
+    fracture = "fracture={energy=300.0, strength={stretch=1.3, equibiaxial=400.0}}"
+    asked = *TEAR, "--set", "stretches=[]", "--set", fracture, "--set", "dynamics.stretch=1.5"
+    cracks, displacements = [], []
+    for number in (1, 2, 3):
+        ranks(number, "command", *asked, "--out", tmp_path / str(number))
+        cracks.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["crack"])
+        displacements.append(last_displacement(tmp_path / str(number)))
+        assert np.array_equal(displacements[-1], displacements[0])
+    assert cracks[0]["start"]["cause"] == "strength"
+    assert cracks[0]["broken_bonds"] > 5
+    for event in ("start", "peak"):
+        stresses = [crack[event].pop("nominal_stress") for crack in cracks]
+        assert stresses == pytest.approx(stresses[:1] * 3, rel=1e-12)
+    assert cracks == cracks[:1] * 3
+
+
 def last_displacement(folder):
     """Displacements of the last state, which are written in double precision."""
     return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[

@@ -410,6 +410,13 @@ def test_what_has_no_derivative_is_refused(tmp_path):
         result.sensitivity(["energy"], ["material.shear_modulos"])
     with pytest.raises(ValueError, match="there is no number 'spacing'"):
         result.sensitivity(["energy"], ["spacing"])
+    for outputs, numbers in (
+        (["crack.peak.nominal_stress"], ["material.shear_modulus"]),
+        (["peak_nominal_stress"], ["material.shear_modulus"]),
+        (["energy"], ["fracture.strength.uniaxial"]),
+    ):
+        with pytest.raises(ValueError, match="what a body bears at break has no derivative"):
+            result.sensitivity(outputs, numbers)
     with pytest.raises(
         ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"
     ):

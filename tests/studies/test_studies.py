@@ -97,6 +97,7 @@ def test_random_samples_follow_their_distribution():
         ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
         ({"scene": None}, "needs either a scene or a [fit]"),
         ({"derivatives": "stbility"}, "derivatives: no output has 'stbility'"),
+        ({"derivatives": "peak_nominal_stress"}, "peak_nominal_stress: what a body bears at break"),
         (
             {"derivatives": "forces.rigth.1"},
             "derivatives: 'forces.rigth.1': the scene has none of this name; did you mean right?",
