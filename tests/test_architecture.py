@@ -217,7 +217,7 @@ def test_forces_and_loads_are_not_searched_for_what_they_may_have():
 SLOW = {
     *("cli.simulation", "forces.pair_memory", "forces.sheet_memory", "kernels.rates"),
     *("learning", "results", "run.followed", "run.preview", "problem.strength", "run.strength"),
-    *("run.tear_account", "run.tearing", "cards"),
+    *("run.relaxing", "run.tear_account", "run.tearing", "cards"),
 }
 """What functions import of our own: rooms and files that load numba, scikit-learn, torch or
 matplotlib, or are for few materials.

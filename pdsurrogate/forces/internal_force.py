@@ -98,6 +98,8 @@ class InternalForce:
         Those of them that `accept` alone changes: the history of the terms, see `Term.keeps`.
     elapsed : float
         Time since the state last accepted, see `elapse`.
+    before : float or None
+        Duration of the step before.
     evaluations : int
         Evaluations begun so far.
     pairs_outside : int
@@ -173,6 +175,7 @@ class InternalForce:
         }
         self.evaluations = self.pairs_outside = self.most_outside = self.timed = 0
         self.seconds = self.elapsed = 0.0
+        self.before: float | None = None
 
     def _moduli(self, moduli: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and
@@ -245,11 +248,20 @@ class InternalForce:
             write(self._further)
             out += self._further
 
-    def elapse(self, time: float) -> None:
+    def elapse(self, time: float, before: float | None = None) -> None:
         """Set the time since the state that was last accepted, at which the next evaluations try
         states of a body with history; to be called, too, after `history` was restored.
+
+        Parameters
+        ----------
+        time : float
+        before : float, optional
+            Duration of the step that led to the last state, if the motion goes on smoothly, else 0.
+            A force with `ForceSettings.paths` then follows how strains bend, and how fast branches
+            relax; the short steps of dynamics do not need it.
         """
         self.elapsed = self._kinematics.elapsed = time
+        self.before = self._kinematics.before = before
         for term in self._remembering:
             term.elapse()
 
@@ -548,6 +560,18 @@ def settle(force: InternalForce, positions: np.ndarray) -> bool:
     force.place(positions)
     changed = [term.settle() for term in settling]
     return force.body.share.any(any(changed))
+
+
+def path_error(force: InternalForce, positions: np.ndarray, begins: bool) -> tuple[float, float]:
+    """Return an estimate of the error of the overstress of branches in a step that leads to an
+    equilibrium at `positions` (n, d), and the overstress: the greatest of all bonds.
+
+    `begins` says that the step before was the first one of a motion, whose error counts, too.
+    """
+    force.place(positions)
+    found = [memory.path_error(begins) for term in force.terms for memory in term.memories]
+    error, overstress = map(max, zip(*found, strict=True))
+    return force.body.share.greatest(error), force.body.share.greatest(overstress)
 
 
 def stored_by(force: InternalForce) -> float:

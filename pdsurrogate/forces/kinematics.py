@@ -74,6 +74,8 @@ class Kinematics:
         Whether `gradients` belong to `positions`.
     elapsed : float
         Time since the state of the body that was last accepted, for terms with history.
+    before : float or None
+        Duration of the step before, see `InternalForce.elapse`.
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
@@ -106,6 +108,7 @@ class Kinematics:
         self.changes = 0
         self.formed = False
         self.elapsed = 0.0
+        self.before: float | None = None
         self._has_steps = False
         self.interfaces = None
         self._plane_displacements = np.zeros((len(body.planes), d))

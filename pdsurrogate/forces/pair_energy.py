@@ -93,13 +93,13 @@ class PairEnergy(MaterialTerm):
         else:
             self.parts = [PairEnergies(*one) for one in each]
         self._energy = 0.0
-        self._memories = [
+        self.memories = [
             self._memory_of(number)
             for number, points in enumerate(self.materials)
             if points.law.memory
         ]
-        self._begun = not self._memories
-        self.settles = any(memory.follows_positions for memory in self._memories)
+        self._begun = not self.memories
+        self.settles = any(memory.follows_positions for memory in self.memories)
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
         self._on_jumps = None if whole else np.zeros((len(body), d))
@@ -149,6 +149,7 @@ class PairEnergy(MaterialTerm):
 
         kind = PairMemory if self.selective else SheetMemory
         memory = kind(self.binding, self.parts[number], number)
+        memory.see = self._see
         self.state += memory.state
         self.kept |= {array.name: array.values for array in memory.state}
         return memory
@@ -195,28 +196,28 @@ class PairEnergy(MaterialTerm):
         return list(outside), sum(inside_out), sum(found[-self._sums :])
 
     def elapse(self) -> None:
-        self._begun = not self._memories
+        self._begun = not self.memories
 
     def _begin(self) -> None:
         """Compute what evaluations need of the history, once for a state and a time."""
         if self.settles:
             self.kinematics.place_and_form()
             self._see()
-        for memory in self._memories:
+        for memory in self.memories:
             memory.begin(self.kinematics.elapsed)
         self._begun = True
 
     def settle(self) -> bool:
         self._see()
         elapsed = self.kinematics.elapsed
-        changed = [memory.settle(elapsed) for memory in self._memories]
+        changed = [memory.settle(elapsed) for memory in self.memories]
         return any(changed)
 
     def accept(self, elapsed: float) -> None:
         self._see()
         if not self._begun:
             self._begin()
-        for memory in self._memories:
+        for memory in self.memories:
             memory.accept(elapsed)
 
     def _see(self) -> None:
@@ -230,14 +231,14 @@ class PairEnergy(MaterialTerm):
         return self._energy
 
     def stored(self) -> float:
-        if not self._memories or np.isnan(self._energy):
+        if not self.memories or np.isnan(self._energy):
             return self._energy
         return sum(part.unit * part.stored() for part in self.parts)
 
     def dissipated(self) -> dict[str, float]:
-        if not self._memories:
+        if not self.memories:
             return {}
-        found = sum(memory.dissipated() for memory in self._memories).tolist()
+        found = sum(memory.dissipated() for memory in self.memories).tolist()
         return dict(zip(("branches", "softening"), found, strict=True))
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
@@ -424,7 +425,7 @@ class PairEnergy(MaterialTerm):
 
     def _remembering(self) -> list:
         """Return the parts with memory, ready to be asked about points in the present state."""
-        if self._memories and not self._begun:
+        if self.memories and not self._begun:
             self._begin()
         return [part for part in self.parts if part.memory is not None]
 

@@ -2,7 +2,7 @@
 and add to it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,9 +41,14 @@ class PairMemory:
     ----------
     state : list of StateArray
         History, with a row for every pair of the body: C_k of the branches, Cb, the greatest
-        isochoric energy per volume, and the energies dissipated by branches and by softening. Rows
-        of C_k and Cb have the components of `pdsurrogate.kernels.branches`.
+        isochoric energy per volume, the energies dissipated by branches and by softening, and with
+        `ForceSettings.paths` Cb before. Rows of C_k and Cb have the components of
+        `pdsurrogate.kernels.branches`.
+    see : callable
+        Brings the gradients of the pairs up to date.
     """
+
+    see: Callable[[], None]
 
     def __init__(self, binding: Binding, part: Any, number: int) -> None:
         kinematics = binding.kinematics
@@ -62,24 +67,30 @@ class PairMemory:
         self._softening = np.zeros(3 * softened)
         end = "" if binding.whole else f"_{number}"
         pairs = len(body.bonds.first)
+        thinning = law.memory.thinning
+        self._kinematics = kinematics
+        self._bends = binding.settings.paths and branches > 0 and not thinning
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
             np.tile(tensors.DIAGONAL, (pairs if branches else 0, 1)),
             np.zeros(pairs if softened else 0),
             np.zeros((pairs, 2)),
+            np.tile(tensors.DIAGONAL, (pairs * self._bends, 1)),
         )
         names = "branch_states", "isochoric_strains", "greatest_energies", "dissipated_energies"
+        names += ("earlier_strains",)
         self.state = [
             StateArray(f"{name}{end}", "pairs", values, values.ndim == 1)
             for name, values in zip(names, history, strict=True)
             if values.size
         ]
+        self._history = history
         self._dissipated = history[3]
         own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
         numbers = np.zeros(len(part.forces), dtype=np.uint32)
         numbers[: len(own)] = own
+        self._numbers = numbers
         rows = branches * tensors.STEP + 2 * softened
-        thinning = law.memory.thinning
         passed = aligned_rows((len(part.geometry) * thinning, branches, BLOCK))
         coefficients = aligned_rows((len(part.geometry), rows, BLOCK))
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
@@ -89,7 +100,7 @@ class PairMemory:
         self._stored = stored
         self._begin = kinematics.bind(
             selective_memory.begin_steps[d],
-            *(0.0, 1.0),
+            *(0.0, -1.0, 1.0),
             numbers,
             self._times,
             passed,
@@ -101,7 +112,7 @@ class PairMemory:
         )
         self._accept = kinematics.bind(
             selective_memory.accept_steps[d],
-            *(0.0, 1.0),
+            *(0.0, -1.0, 1.0),
             *part.places,
             *part.pairs,
             volumes,
@@ -200,7 +211,7 @@ class PairMemory:
             self._passing.give_number("elapsed", elapsed)
             self._passing()
             self._passed[:] = self._found
-        self._begin.give_number("elapsed", elapsed)
+        self._give_times(self._begin, elapsed)
         self._begin()
 
     def settle(self, elapsed: float) -> bool:
@@ -217,8 +228,68 @@ class PairMemory:
 
     def accept(self, elapsed: float) -> None:
         """Add the state at the positions to the history, a time `elapsed` after the last one."""
-        self._accept.give_number("elapsed", elapsed)
+        self._give_times(self._accept, elapsed)
         self._accept()
+
+    def _give_times(self, bound: BoundPass, elapsed: float) -> None:
+        """Give a pass the duration of the step, and its ratio to the step before."""
+        bound.give_number("elapsed", elapsed)
+        bound.give_number("ratio", self._ratio(elapsed))
+
+    def _ratio(self, elapsed: float) -> float:
+        """Return the ratio of a step to the one before, 0 if this does not count, and -1 for a
+        straight step.
+        """
+        before = self._kinematics.before
+        if before is None or not self._bends:
+            return -1.0
+        return elapsed / before if before else 0.0
+
+    def path_error(self, begins: bool) -> tuple[float, float]:
+        """Return what the pairs of the material add to `path_error` of `internal_force`.
+
+        The third difference of a smooth path is about its second one squared over its first one.
+        The change that it makes in C_k is looked for in the direction of the first difference.
+        """
+        if not self._bends:
+            return 0.0, 0.0
+        self.see()
+        d = self._part.forces.shape[1]
+        tensors = tensors_of(d)
+        elapsed, ratio = self._kinematics.elapsed, self._ratio(self._kinematics.elapsed)
+        (Cb, *_), rows = self._strains(), self._rows()
+        of_history = (self._history[n][self._numbers].T for n in (1, 4))
+        begun, earlier = (tuple(values) for values in of_history)
+        around = tensors.cofactor_of(Cb)
+
+        def size(tensor):
+            mixed = tensors.mixed_product(tensor, around, 0.0)
+            return np.sqrt(np.abs(tensors.trace_of_product(mixed, mixed)))
+
+        def overstress(C_k):
+            M = tensors.cofactor_of(C_k)
+            return np.array(tensors.mixed_product(Cb, M, tensors.contraction(Cb, M) / 3))
+
+        moved = tensors.combined(Cb, -1.0, begun)
+        second = tensors.combined(moved, -ratio, tensors.combined(begun, -1.0, earlier))
+        bow = ratio / (1 + ratio) * size(second) / (size(moved) + np.finfo(float).tiny)
+        bow = np.minimum(bow, 1.0) if ratio else np.ones_like(bow)
+        total = error = 0.0
+        for branch, modulus in enumerate(self._moduli):
+            B, b = tensors.step_in(rows[branch * tensors.STEP :], slice(None), 1.0)
+            h = elapsed / self._times[branch]
+            off = bow * (bow + np.exp(-h) * begins) / (3 + h)
+            found = overstress(tensors.end_step(B, b, Cb))
+            other = overstress(tensors.end_step(B, b, tensors.combined(Cb, off, moved)))
+            total = total + modulus * found
+            error = error + modulus * (other - found)
+        there = self._reference()[d + 1] > 0
+        unit = self._part.points.law.shear_modulus
+        greatest = [
+            unit * float(np.sqrt(np.nanmax((values**2).sum(axis=0)[there], initial=0.0)))
+            for values in (error, total)
+        ]
+        return greatest[0], greatest[1]
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return means over the bonds of the points of the material in the state last evaluated:
@@ -228,10 +299,8 @@ class PairMemory:
         part = self._part
         d = part.forces.shape[1]
         tensors = tensors_of(d)
-        F = self._gradients()
-        rows = self._coefficients.swapaxes(0, 1).reshape(self._coefficients.shape[1], -1)
-        J3, C33 = self._volumes(F)
-        Cb = tensors.isochoric(tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), C33), J3)
+        Cb, F, J3 = self._strains()
+        rows = self._rows()
         total = np.zeros((len(Cb), len(F)))
         for branch, modulus in enumerate(self._moduli):
             B, b = tensors.step_in(rows[branch * tensors.STEP :], slice(None), 1.0)
@@ -248,6 +317,19 @@ class PairMemory:
         for (r, c), values in zip(tensors.PLACES, found, strict=False):
             M[:, r, c] = M[:, c, r] = values
         return M, found[-2], found[-1]
+
+    def _rows(self) -> np.ndarray:
+        """Return the coefficients of the steps of the pairs, a column for each."""
+        return self._coefficients.swapaxes(0, 1).reshape(self._coefficients.shape[1], -1)
+
+    def _strains(self) -> tuple:
+        """Return the components of Cb, deformation gradients and volume ratios of the pairs."""
+        d = self._part.forces.shape[1]
+        tensors = tensors_of(d)
+        F = self._gradients()
+        J3, C33 = self._volumes(F)
+        C = tensors.green(F.transpose(2, 1, 0).reshape(d * d, -1), C33)
+        return tensors.isochoric(C, J3), F, J3
 
     def _gradients(self) -> np.ndarray:
         """Return the deformation gradients of the pairs; I for one of volume zero."""

@@ -28,6 +28,7 @@ SETTINGS = {
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
+    "paths": (True,),
     "plane": tuple(PLANES),
 }
 """Settings of a force evaluation, and their possible values other than the default of
@@ -75,6 +76,9 @@ class ForceSettings:
         gets the exact bond force even with "extrapolate".
     breakable : bool
         Whether bonds may break, for which more reference data are kept.
+    paths : bool
+        Whether branches keep the strain before the last one, by which a step of an equilibrium
+        knows how the path bends (`InternalForce.elapse`); forces without branches do not use it.
     plane : {"stress", "strain", "space"}
         Plane stress (free thickness) or plane strain (held thickness) for a body in the plane;
         "space" for every body in three dimensions.
@@ -95,6 +99,7 @@ class ForceSettings:
     rotation: str | None = None
     outside: str | None = None
     breakable: bool = False
+    paths: bool = False
     plane: str = "stress"
 
     def __post_init__(self) -> None:
@@ -137,6 +142,7 @@ class ForceSettings:
             value = getattr(self, field.name)
             # The default of every setting but the plane is a value that all models accept.
             usual = value == field.default and (key != "plane" or key not in honors)
+            usual |= key == "paths"
             if usual or value in honors.get(key, ()):
                 continue
             where = WHERE[self.plane] if key != "plane" else ""

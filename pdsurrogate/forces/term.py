@@ -126,6 +126,8 @@ class Term(ABC):
         Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
         Points of each material, with the points of other materials that are bonded to them.
+    memories : list of PairMemory
+        Histories of the materials with branches or softening.
     watches : list of OutsideCounter
         Counters of the pairs outside the domain of each model.
     """
@@ -146,6 +148,7 @@ class Term(ABC):
         )
         self.state = [kept.allocate(self.body) for kept in self.keeps]
         self.kept = {array.name: array.values for array in self.state}
+        self.memories: list = []
         self.materials: list[MaterialPoints] = []
         self.watches: list[OutsideCounter] = []
 

@@ -149,7 +149,7 @@ def passed_times(algebra):
         `all_knots` (n_branches, 2, n_knots) are those of the branches, all else as in
         `selective_memory.accept_steps`.
         """
-        states, all_strains, _, _ = history
+        states, all_strains, _, _, _ = history
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, algebra.MATRIX)

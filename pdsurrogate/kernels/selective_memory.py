@@ -53,6 +53,7 @@ def begin_steps(algebra):
     def begin_steps(
         chunk,
         elapsed,
+        ratio,
         unit,
         pairs,
         times,
@@ -67,21 +68,26 @@ def begin_steps(algebra):
         what it has dissipated to `coefficients` (n_blocks, rows, BLOCK).
 
         `pairs` are the numbers of the pairs in the `history`, C_k of the branches, Cb, the greatest
-        energies, and dissipated energies, which are not read; they fill blocks, to which any number
-        may be added. `passed` are the relaxation times that pass, see `rates`, empty for branches
-        of constant times. `greatest_b` bounds b, and energies of the history are divided by `unit`.
+        energies, dissipated energies, which are not read, and Cb before; they fill blocks, to which
+        any number may be added. The step is `ratio` times as long as the one before, 0 if this does
+        not count, and negative for a straight step. `passed` are the relaxation times that pass,
+        see `rates`, empty for branches of constant times. `greatest_b` bounds b, and energies of
+        the history are divided by `unit`.
         """
-        states, strains, greatest, _ = history
+        states, strains, greatest, _, all_earlier = history
         widest_vectors()
         C_k = block_rows(buffers[chunk.thread])
         Cb = rows_from(C_k, tensor)
-        durations = rows_from(Cb, tensor)
+        earlier = rows_from(Cb, tensor)
+        durations = rows_from(earlier, tensor)
         for block in share_of(coefficients.shape[0], chunk):
             at = block * BLOCK
             into = block_rows(coefficients[block])
             if times.shape[0] > 0:
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(strains, tensor, pairs, at + k, 0, Cb, k)
+                    if ratio >= 0.0:
+                        tensors.take_listed(all_earlier, tensor, pairs, at + k, 0, earlier, k)
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
                 place = branch * tensor
@@ -90,9 +96,13 @@ def begin_steps(algebra):
                 found = rows_from(into, branch * tensors.STEP)
                 put_durations(passed, block, branch, h, durations)
                 for k in range(BLOCK):
-                    B, b = tensors.begin_step(
-                        tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), durations[0, k]
-                    )
+                    state = tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), durations[0, k]
+                    if ratio >= 0.0:
+                        B, b = tensors.begin_curved_step(
+                            *state, tensors.tensor_at(earlier, k), ratio
+                        )
+                    else:
+                        B, b = tensors.begin_step(*state)
                     put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
             if softening.shape[0] > 0:
                 known = rows_from(into, times.shape[0] * tensors.STEP)
@@ -258,6 +268,7 @@ def accept_steps(algebra):
     def accept_steps(
         chunk,
         elapsed,
+        ratio,
         unit,
         positions,
         gradients,
@@ -286,7 +297,7 @@ def accept_steps(algebra):
         `unit` is the shear modulus. `memory` holds the states and results of the isochoric energy,
         `buffers` all else in double precision.
         """
-        all_states, all_strains, all_greatest, dissipated = history
+        all_states, all_strains, all_greatest, dissipated, all_earlier = history
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
@@ -336,6 +347,8 @@ def accept_steps(algebra):
             for k in range(size):
                 for n in range(tensor):
                     all_strains[pairs[at + k], n] = strains[n, k]
+                    if ratio >= 0.0:
+                        all_earlier[pairs[at + k], n] = before[n, k]
             for branch in range(times.shape[0]):
                 h = elapsed / times[branch]
                 place = branch * tensor
@@ -349,6 +362,8 @@ def accept_steps(algebra):
                     B, b = tensors.step_in(step, k, 1.0)
                     ended = tensors.end_step(B, b, Cb)
                     Cb_0 = tensors.tensor_at(before, k)
+                    if ratio > 0.0:
+                        B, b = tensors.begin_curved_step(begun, Cb_0, h, Cb_0, 0.0)
                     held = tensors.end_step(B, b, Cb_0)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
                         Cb_0, begun, held, Cb, ended, durations[0, k]

@@ -58,7 +58,7 @@ def settings_of(scene: Scene) -> ForceSettings:
     keys = {
         setting.name: getattr(scene, setting.name)
         for setting in fields(ForceSettings)
-        if setting.name != "breakable"
+        if setting.name not in ("breakable", "paths")
     }
     return ForceSettings(**keys, breakable=scene.fracture is not None)
 

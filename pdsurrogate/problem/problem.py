@@ -429,7 +429,7 @@ def _on_body(
     return Problem(
         scene,
         models,
-        settings_of(scene),
+        replace(settings_of(scene), paths=any(one.inertia is None for one in stages)),
         body,
         whole,
         *held,

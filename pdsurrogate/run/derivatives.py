@@ -50,7 +50,7 @@ def differentiate(
         from .followed import FollowedRun  # here, for few materials remember
 
         run = FollowedRun(scene, models)
-        body = run.here
+        body = run.followed
     else:
         body = differentiated(scene, models)
     check_intact(body.system.problem, result, number, "derivatives")

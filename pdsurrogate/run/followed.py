@@ -41,8 +41,8 @@ class FollowedRun(Run):
                 "relaxation times that depend on the overstress have no derivatives; give branches"
                 " constant times"
             )
-        self.here = Differentiated(self, numbers_in(scene, models), history={})
-        solver = {"method": "newton", "tolerance": self.here.balanced}
+        self.followed = Differentiated(self, numbers_in(scene, models), history={})
+        solver = {"method": "newton", "tolerance": self.followed.balanced}
         scene = scene.model_copy(update={"solver": scene.solver.model_copy(update=solver)})
         self.problem = replace(self.problem, scene=scene)
 
@@ -72,7 +72,7 @@ class FollowedRun(Run):
                     " step in dynamics, or with the key control"
                 )
         self._asked = outputs, parameters, last
-        self._at_outputs = measuring(self.here)
+        self._at_outputs = measuring(self.followed)
         self._found: dict[int, Jacobian] = {}
         with thread_count(None), threadpool_limits(1, user_api="blas"):
             program = ready(self, resume=False)
@@ -84,12 +84,12 @@ class FollowedRun(Run):
     def accept(self) -> None:
         outputs, parameters, _ = self._asked
         ends = self.state.parameter == self.target
-        here = self._at_outputs if ends else self.here
-        found = replace(here, history=self.here.history).present_jacobian(
+        here = self._at_outputs if ends else self.followed
+        found = replace(here, history=self.followed.history).present_jacobian(
             outputs if ends else [], parameters, self._solver
         )
         self._found[len(self.state.levels)] = found  # the last increment of an output stays
-        self.here = replace(self.here, history=found.history)
+        self.followed = replace(self.followed, history=found.history)
         self.loaded(self.positions, np.empty_like(self.positions))  # rows are of this state
         super().accept()
 

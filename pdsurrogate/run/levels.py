@@ -123,6 +123,8 @@ class Equilibria:
     ----------
     through : bool
         Whether the body has separated between its supports, which ends the stage.
+    taken : dict
+        What the row of the next output says of the increments to it.
     """
 
     through = False
@@ -141,6 +143,7 @@ class Equilibria:
         )
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
+        self.taken: dict[str, float] = {}
 
     def go(self) -> bool:
         """Compute and record the remaining outputs of the stage; return whether its end was
@@ -254,7 +257,7 @@ class Equilibria:
         run = self.run
         state = self.run.state
         target = increments.target
-        run.force.elapse(increments.duration)
+        run.force.elapse(increments.duration, state.before)
         before = run.positions.copy()
         guess = self._best(self._path.guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
@@ -441,6 +444,7 @@ class Equilibria:
             "residual": equilibrium.residual,
             "evaluations": equilibrium.evaluations,
             "method": equilibrium.method,
+            **self.taken,
         }
         if self.stage.control is not None and "stability" in level:
             level["stability"] = "not checked"
@@ -469,8 +473,8 @@ class Accepted:
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter = run.state.parameter
-        self.time = run.state.time
-        self.earlier = run.earlier
+        self.numbers = run.state.time, run.state.before, run.state.overstress
+        self.earlier, self.followed = run.earlier, run.followed
         self.gave_up = solver.gave_up
         self.evaluations = run.force.evaluations
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
@@ -478,8 +482,8 @@ class Accepted:
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Bring a run and its solver back to this equilibrium."""
         run.state.parameter = self.parameter
-        run.state.time = self.time
-        run.earlier = self.earlier
+        run.state.time, run.state.before, run.state.overstress = self.numbers
+        run.earlier, run.followed = self.earlier, self.followed
         solver.gave_up = self.gave_up
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]

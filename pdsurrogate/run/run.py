@@ -105,6 +105,7 @@ class Run(System):
         self.target = self.loading.rest
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
+        self.followed: object = None
         self.residual: float | None = None
         critical = problem.critical_stretches
         self.damage = None if critical is None else damage_of(problem)

@@ -496,7 +496,7 @@ class Differentiated:
             yield
             return
         own = self.system.force
-        elapsed = own.elapsed
+        elapsed = own.elapsed, own.before
         begin = _history_of(own)
         _remember(force, begin + way * self.history.get(name, 0.0), elapsed)
         try:
@@ -756,13 +756,13 @@ def _history_of(force: InternalForce) -> np.ndarray:
     return np.concatenate([values.ravel() for values in force.history.values()])
 
 
-def _remember(force: InternalForce, history: np.ndarray, elapsed: float) -> None:
-    """Give a force a flat history, and the time since then."""
+def _remember(force: InternalForce, history: np.ndarray, elapsed: tuple) -> None:
+    """Give a force a flat history, and the arguments of `elapse` since then."""
     at = 0
     for values in force.history.values():
         values[:] = history[at : at + values.size].reshape(values.shape)
         at += values.size
-    force.elapse(elapsed)
+    force.elapse(*elapsed)
 
 
 def _forces(system: System, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

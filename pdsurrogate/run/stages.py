@@ -90,6 +90,10 @@ def _stage_of(
         from .tearing import Tearing  # what most scenes do not need
 
         return Tearing(run, stage, solver, checkpoints)
+    if stage.duration is not None and any(law.memory.branches for law, _ in run.force.laws):
+        from .relaxing import Relaxing  # what most scenes do not need
+
+        return Relaxing(run, stage, solver, checkpoints)
     return Equilibria(run, stage, solver, checkpoints)
 
 

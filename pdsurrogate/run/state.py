@@ -20,6 +20,11 @@ class State:
         Time that earlier stages took, of those in equilibrium those with a duration.
     time : float
         Time since the present stage began, if it is in equilibrium.
+    before : float
+        Duration of the last increment of a body with branches, whose motion goes on smoothly, or
+        else 0.
+    overstress : float
+        Greatest overstress of branches so far.
     steps : int
         Steps in dynamics.
     greatest_drive : float
@@ -46,6 +51,8 @@ class State:
     outputs: int = 0
     elapsed: float = 0.0
     time: float = 0.0
+    before: float = 0.0
+    overstress: float = 0.0
     steps: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None

@@ -34,6 +34,8 @@ class Increments:
     ----------
     share : float
         The present increment divided by the planned one.
+    grows : bool
+        Whether an increment that was shortened may be doubled.
     """
 
     def __init__(self, start: float, end: float, largest: float, time: float = 0.0) -> None:
@@ -42,6 +44,7 @@ class Increments:
         # The unit is the planned increment; sums of powers of one half are exact.
         self._done = 0.0
         self.share = 1.0
+        self.grows = True
         self._time = time
 
     @property
@@ -80,20 +83,24 @@ class Increments:
         """Count the present increment as done, double the next one if possible, and return whether
         it was doubled.
 
-        The next increment is doubled if the present one was shorter than planned, and if the
-        increments done are a whole multiple of the doubled one.
+        The next increment is doubled if the present one was shorter than planned, if the
+        increments done are a whole multiple of the doubled one, and if it `grows`.
         """
         self._done += self.share
-        longer = self.share < 1 and (self._done / (2 * self.share)).is_integer()
+        longer = self.share < 1 and (self._done / (2 * self.share)).is_integer() and self.grows
         if longer:
             self.share *= 2
         return longer
 
-    def shorten(self) -> bool:
+    def restart(self) -> None:
+        """Begin again, with increments as short as the present one."""
+        self._done = 0.0
+
+    def shorten(self, least: float = LEAST_SHARE) -> bool:
         """Halve the present increment and return True, or return False where it would be shorter
-        than `LEAST_SHARE`.
+        than the share `least`.
         """
-        if self.share <= LEAST_SHARE:
+        if self.share <= least:
             return False
         self.share /= 2
         return True

@@ -51,7 +51,7 @@ KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
         lateral_displacement_reference lateral_displacement_error greatest_lateral_displacement
         greatest_lateral_displacement_reference greatest_lateral_displacement_error
         nominal_stress_grip nominal_stress_area nominal_stress_work_conjugate roughness residual
-        evaluations method force_balance rigid contact cracks
+        evaluations method increments path_error force_balance rigid contact cracks
         """,
         "start peak path tips broken_bonds failed_points through",
         """

@@ -1,5 +1,5 @@
-"""Exported files of materials with memory, driven through cycles with a hold, against the stresses
-of homogeneous histories.
+"""Exported files of materials with memory, driven through cycles with a hold, against straight
+steps in NumPy.
 """
 
 import re
@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 from memory_references import integrated
+from scipy.optimize import brentq
 from test_export import (
     II,
     JJ,
@@ -24,7 +25,7 @@ from test_export import (
 import pdsurrogate as pds
 from pdsurrogate.export import exported, source_of_artifact, source_of_law
 from pdsurrogate.materials import LAWS, Branch, Memory, Softening
-from pdsurrogate.materials.histories import stress_history
+from pdsurrogate.materials.histories import isochoric, softened
 
 BRANCHES = (Branch(0.8, 2.0), Branch(1.7, 0.05))
 SOFTENING = Softening(1.5, 0.1, 0.2)
@@ -50,15 +51,49 @@ def source(request):
     return source_of_law(remembering(*request.param))
 
 
+def straight(law):
+    """Stretches and Kirchhoff stresses along the first axis of a uniaxial cycle, in steps whose
+    path of the isochoric tensor is straight, theory (91).
+    """
+    states = [np.ones(3) for _ in law.memory.branches]
+    before, peak, rows = np.ones(3), 0.0, []
+    for elapsed, stretch in zip(np.diff(TIMES, prepend=0.0), STRETCHES, strict=True):
+
+        def at(across, stretch=stretch, elapsed=elapsed, states=states, before=before, peak=peak):
+            logs = np.array([np.log(stretch), across, across])
+            squares = np.exp(2 * (logs - logs.mean()))
+            energy, slopes = isochoric(law, (logs - logs.mean())[None])
+            found, total = [], slopes[0]
+            if law.memory.softening:
+                total = total * softened(law.memory.softening, energy, np.maximum(peak, energy))
+            for branch, C in zip(law.memory.branches, states, strict=True):
+                h = elapsed / branch.time
+                k = h * (before / C).sum() / 3
+                mean = -np.expm1(-k) / k if k else 1.0
+                last = (1 - mean) / k if k else 0.5
+                new = np.exp(-k) * C + h * (mean - last) * before + h * last * squares
+                found.append(new / np.cbrt(new.prod()))
+                total = total + branch.modulus * squares / found[-1]
+            J = np.exp(logs.sum())
+            pressure = law.shear_modulus * J * law.volumetric(J, law.parameters)[1]
+            return total - total.mean() + pressure, found, squares, energy[0], np.exp(logs)
+
+        across = brentq(lambda x, at=at: at(x)[0][1], -1.0, 1.0, xtol=1e-14)
+        stress, states, before, energy, stretches = at(across)
+        peak = max(peak, energy)
+        rows.append((*stretches, stress[0]))
+    return np.array(rows)
+
+
 @pytest.fixture
 def course(source):
     """Durations, gradients and Kirchhoff stresses of a uniaxial cycle whose axes are turned."""
-    history = stress_history(source.law, "uniaxial", TIMES, STRETCHES)
+    rows = straight(source.law)
     one, other = np.linalg.qr(np.random.default_rng(5).standard_normal((2, 3, 3)))[0]
     one, other = (turn * np.linalg.det(turn) for turn in (one, other))
-    F = one @ (history.stretches[:, :, None] * other)
+    F = one @ (rows[:, :3, None] * other)
     along = one @ np.diag([1.0, 0.0, 0.0]) @ one.T
-    kirchhoff = (history.nominal_stress * STRETCHES)[:, None, None] * along
+    kirchhoff = rows[:, 3, None, None] * along
     return np.diff(TIMES, prepend=0.0), F, kirchhoff
 
 
@@ -143,15 +178,14 @@ def test_umat(source, course, tmp_path):
 @needs_gfortran
 def test_umat_of_sheets_finds_the_thickness(tmp_path):
     law = remembering("gent", "both")
-    history = stress_history(law, "uniaxial", TIMES, STRETCHES)
     umat = UMAT(source_of_law(law), tmp_path)
     state = np.zeros(umat_size := source_of_law(law).n_state)
     assert umat_size == 19
-    for duration, stretches, nominal in zip(
-        np.diff(TIMES, prepend=0.0), history.stretches, history.nominal_stress, strict=True
+    for duration, (*stretches, kirchhoff) in zip(
+        np.diff(TIMES, prepend=0.0), straight(law), strict=True
     ):
         stress, *_ = umat(np.diag(stretches[:2]), 3, state, duration)
-        exact = nominal * stretches[0] / stretches.prod()
+        exact = kirchhoff / np.prod(stretches)
         assert np.allclose(stress, [exact, 0, 0], rtol=0, atol=1e-8 * law.shear_modulus)
 
 

@@ -8,6 +8,7 @@ from memory_references import Rubber
 from scipy.integrate import solve_ivp
 
 import pdsurrogate as pds
+from pdsurrogate.kernels.branches import tensors_of
 from pdsurrogate.materials import Branch, Memory, Softening, homogeneous
 from pdsurrogate.materials.histories import LOGS, stress_history, stretch_history
 
@@ -38,16 +39,21 @@ def integrated(mode, times):
 
 
 @pytest.mark.parametrize("mode", LOGS)
-def test_the_step_is_of_second_order(mode):
+def test_no_step_is_too_long(mode):
+    """From one step for a ramp, hold or return to 160 a relaxation time."""
     law = pds.materials.NeoHookean(memory=Memory((Branch(1.0, 1.0), Branch(1.0, 30.0))))
     expected = integrated(mode, [1.0, 30.0])
-    errors = []
-    for n in (20, 40, 160):
+    overstress = (
+        expected
+        - stress_history(pds.materials.NeoHookean(), mode, KNOTS, STRETCHES, True).nominal_stress[
+            1:
+        ]
+    )
+    for n, limit in ((1, 1e-3), (10, 1e-4), (160, 1e-6)):
         time = np.linspace(0, 4, 4 * n + 1)
         found = stress_history(law, mode, time, np.interp(time, KNOTS, STRETCHES), True)
-        errors.append(np.abs(found.nominal_stress[[n, 3 * n, 4 * n]] - expected).max())
-    assert errors[0] / errors[1] > 3
-    assert errors[2] < 1e-5 * expected.max()
+        at = np.searchsorted(time, KNOTS[1:] - 1e-9)
+        assert np.abs(found.nominal_stress[at] - expected).max() < limit * overstress.max()
 
 
 @pytest.mark.parametrize(
@@ -71,25 +77,27 @@ def test_times_that_fall_with_the_overstress_keep_the_second_order(mode, incompr
         found = stress_history(law, mode, time, np.interp(time, KNOTS, STRETCHES), incompressible)
         off = found.nominal_stress[[n, 3 * n, 4 * n]] - expected
         errors.append(np.abs(off).max() / np.abs(expected).max())
-    assert errors[0] < 0.03
-    assert errors[2] < 0.12 * errors[0]
+    assert errors[0] < 0.01
+    assert errors[2] < 5e-4
 
 
 @pytest.mark.parametrize(("mode", "u"), [("uniaxial", 0), ("equibiaxial", 3), ("pure-shear", 1)])
 @pytest.mark.parametrize("h", [0.5, 4.0, 1e3])
 def test_the_error_of_a_straight_path(mode, u, h):
     """Theory (98), at a constant rate of stretch."""
-    law = pds.materials.NeoHookean(memory=Memory((Branch(1.0, 1.0),)))
-    rate = 0.002 / h
-    found = []
-    for parts in (1, 64):
-        time = np.linspace(0, 40 * h, 40 * parts + 1)
-        found.append(stress_history(law, mode, time, 1 + rate * time, True).nominal_stress[-1])
-    relaxed = stress_history(pds.materials.NeoHookean(), mode, [0.0], [1.08], True)
-    increment = 0.002 / 1.08
+    of, found, increment = tensors_of(3), [], 0.002 / 1.08
+    for curved in (0, 1):
+        C_k = before = earlier = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+        for stretch in np.linspace(1, 1.08, 41)[1:]:
+            square = np.exp(2 * np.array(LOGS[mode](np.log(stretch), 0.0)))
+            Cb = square[0], 0.0, 0.0, square[1], 0.0, square[2]
+            path = (C_k, before, h, earlier, 1.0) if curved else (C_k, before, h)
+            begin = of.begin_curved_step if curved else of.begin_step
+            C_k = of.end_step(*begin(*path), Cb)
+            before, earlier = Cb, before
+        found.append(Cb[0] / C_k[0] - Cb[5] / C_k[5])
     expected = u * increment / 2 * (1 / np.tanh(h / 2) - 2 / h)
-    overstress = found[1] - relaxed.nominal_stress[-1]
-    assert (found[0] - found[1]) / overstress == pytest.approx(expected, abs=increment / 25)
+    assert found[0] / found[1] - 1 == pytest.approx(expected, abs=increment / 25)
 
 
 @pytest.mark.parametrize("mode", LOGS)
@@ -112,8 +120,6 @@ def test_a_great_bulk_modulus_gives_the_incompressible_history():
     kept = stress_history(law, "uniaxial", *path, incompressible=True)
     found = stress_history(law, "uniaxial", *path)
     assert found.nominal_stress == pytest.approx(kept.nominal_stress, rel=1e-6)
-    creep = stretch_history(law, "uniaxial", path[0], kept.nominal_stress, incompressible=True)
-    assert creep.stretches == pytest.approx(kept.stretches, rel=1e-8)
 
 
 def test_what_no_history_has_is_refused():

@@ -21,15 +21,15 @@ def test_cycles_with_branches_and_a_bulk_modulus(mode):
     rubber = Rubber(branches=((1.0, 1.0), (0.5, 0.1), (0.3, 30.0)))
     expected = rubber.history(mode, KNOTS, STRETCHES, KNOTS[1:])
     errors = []
-    for parts in (20, 40, 320):
+    for parts in (1, 40):
         times, stretches = divided(KNOTS, STRETCHES, parts)
         found = stress_history(law_of(rubber), mode, times, stretches)
         stress = at_knots(times, found.nominal_stress, KNOTS[1:])
         errors.append(np.abs(stress - expected[:, 3]).max() / expected[:, 3].max())
     lateral = at_knots(times, found.stretches[:, 2], KNOTS[1:])
-    assert lateral == pytest.approx(expected[:, 2], rel=1e-5)
-    assert errors[0] / errors[1] > 3.5
-    assert errors[2] < 1e-5
+    assert lateral == pytest.approx(expected[:, 2], rel=1e-6)
+    assert errors[0] < 2e-4
+    assert errors[1] < 3e-6
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -37,13 +37,13 @@ def test_creep_under_a_load_that_is_applied_at_once(mode):
     rubber = Rubber(branches=((1.0, 1.0),))
     expected = rubber.history(mode, *LOADS, LOADS[0][2:], control="stress")
     errors = []
-    for parts in (20, 80):
+    for parts in (1, 10):
         times, loads = divided(*LOADS, parts)
         found = stretch_history(law_of(rubber), mode, times, loads)
         stretch = at_knots(times, found.stretches[:, 0], LOADS[0][2:])
         errors.append(np.abs(stretch - expected[:, 0]).max())
-    assert errors[0] / errors[1] > 12
-    assert errors[1] < 2e-5
+    assert errors[0] < 3e-4
+    assert errors[1] < 3e-5
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])

@@ -111,16 +111,17 @@ def remembered():
     """
     ranks, found = communicator(), {}
     falling = Branch(0.5, 10.0, ((0.05, 10.0), (2.0, 0.1)))
-    memory = Memory((Branch(2.0, 1.0), falling), Softening(1.5, 0.01, 0.1))
-    law = NeoHookean(shear_modulus=2.0, memory=memory)
     for plane, d in (("strain", 2), ("stress", 2), ("space", 3)):
+        slow = Branch(0.5, 10.0) if plane == "space" else falling
+        memory = Memory((Branch(2.0, 1.0), slow), Softening(1.5, 0.01, 0.1))
+        law = NeoHookean(shear_modulus=2.0, memory=memory)
         whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
         body = divided(whole, ranks) if ranks.size > 1 else whole
-        force = BondEnergyForce().bind(body, law, ForceSettings(plane=plane))
+        force = BondEnergyForce().bind(body, law, ForceSettings(plane=plane, paths=True))
         forces = np.empty_like(body.points)
         for number, stretch in enumerate((1.1, 1.3, 1.15, 1.2)):
             positions = Deformation(stretch, 0.95, 0.0, 0.0, 0.0003 * number, 1)(body.points)
-            force.elapse(0.4 * number)
+            force.elapse(0.4 * number, 0.4 * max(0, number - 1))
             force(positions, forces)
             found[f"{plane}, {number}: forces"] = np.array(body.share.gather(forces))
             force.accept(positions)

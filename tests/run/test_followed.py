@@ -67,7 +67,7 @@ def by_runs(scene, parameter, outputs):
 
 @pytest.mark.parametrize("softening", [None, SOFT])
 def test_derivatives_of_a_homogeneous_sheet_are_those_of_its_stress_history(softening):
-    """The history takes the same steps, so that differences over 1e-5 are exact to 1e-7."""
+    """Steps of the run and of the history err by less than a thousandth of the overstress."""
     branches = [{"modulus": 1.0, "time": 1.0}, {"modulus": 0.3, "time": 0.2}]
     scene = scene_of(branches, "gent", softening)
     law, names = scene.law(), [name for name in numbers_of(scene.law()) if name != "bulk_modulus"]
@@ -85,7 +85,7 @@ def test_derivatives_of_a_homogeneous_sheet_are_those_of_its_stress_history(soft
         for value, step in [(numbers_of(law)[name], 1e-5 * numbers_of(law)[name])]
     ]
     assert len(names) == 6 + 3 * bool(softening)
-    assert found.derivatives[0] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+    assert found.derivatives[0] == pytest.approx(expected, rel=1e-3, abs=3e-4)
 
 
 def test_derivatives_are_those_of_an_integration_of_the_branch():
@@ -107,7 +107,7 @@ def test_derivatives_are_those_of_an_integration_of_the_branch():
         (stress(1 + h, 1) - stress(1 - h, 1)) / (2 * h),
         (stress(1, 1 + h) - stress(1, 1 - h)) / (2 * h),
     ]
-    assert found.derivatives[0] == pytest.approx(expected, rel=1e-2)
+    assert found.derivatives[0] == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize(
