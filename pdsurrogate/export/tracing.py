@@ -143,7 +143,7 @@ class Language:
     ----------
     functions : dict of str
         Forms of functions that differ from ``name(operands)``, with ``{0}`` for the first operand,
-        and of NaN as ``nan``.
+        and of NaN as ``nan``; ``sum``, if given, is that of a sum of more than two parts.
     line : callable
         ``line(statement)`` returns the lines of a statement in a function.
     row : callable
@@ -249,6 +249,10 @@ def _text(value: Value, local: dict[Value, str], language: Language, least: int 
     if operation == "number":
         text = language.literal(operands[0])
         return f"({text})" if operands[0] < 0 else text
+    parts = _parts_of_sum(value, local) if "sum" in language.functions else ()
+    if len(parts) > 2:
+        texts = ", ".join(_text(part, local, language) for part in parts)
+        return language.functions["sum"].format(texts)
     if operation in BINARY:
         precedence = BINARY[operation]
         left = _text(operands[0], local, language, precedence)
@@ -264,3 +268,10 @@ def _text(value: Value, local: dict[Value, str], language: Language, least: int 
         operation, f"{operation}({', '.join(f'{{{number}}}' for number in range(len(inner)))})"
     )
     return form.format(*inner)
+
+
+def _parts_of_sum(value: Value, local: dict[Value, str]) -> list[Value]:
+    """Return the parts of a sum of sums, up to values with names; else the value alone."""
+    if value.operation != "+" or value in local:
+        return [value]
+    return [part for one in value.operands for part in _parts_of_sum(one, local)]
