@@ -499,14 +499,15 @@ def of_memory():
     from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
 
     memories = [Memory(tuple(Branch(1.0, 4.0**k) for k in range(n))) for n in (0, 1, 4)]
-    memories.append(Memory(softening=Softening(1.5, 0.1, 0.1)))
+    memories += [Memory(softening=Softening(1.5, 0.1, 0.1)), memories[1]]
     for plane, sides in (("strain", (90, 90)), ("stress", (90, 90)), ("space", (20, 20, 20))):
         body, first, last, _ = waved_block(sides)
         out, forces, held = np.empty_like(first), [], []
-        for memory in memories:
+        for number, memory in enumerate(memories):
             tracemalloc.start()
+            settings = pds.ForceSettings(plane=plane, paths=number == 4)
             law = NeoHookean(bulk_modulus=100.0, memory=memory)
-            force = pds.BondEnergyForce().bind(body, law, pds.ForceSettings(plane=plane))
+            force = pds.BondEnergyForce().bind(body, law, settings)
             held.append(tracemalloc.get_traced_memory()[0] / len(body) / 1e3)
             tracemalloc.stop()
             force.elapse(0.3)
@@ -522,7 +523,7 @@ def of_memory():
                 force(last, out)
                 evaluated = time.thread_time()
                 force.accept(last)
-                force.elapse(0.2)
+                force.elapse(0.2, 0.2)
                 force(last, out)
                 evaluations[turn, number] = evaluated - began
                 steps[turn, number] = time.thread_time() - evaluated
@@ -533,7 +534,7 @@ def of_memory():
             1e9 * evaluation[0] / len(body.bonds.first),
             *(ratio[1] - 1, (ratio[2] - ratio[1]) / 3, ratio[3] - 1),
             *((step - evaluation)[1:] / evaluation[1:]),
-            *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0]),
+            *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0], held[4] - held[1]),
         )
 
 
@@ -727,9 +728,11 @@ TABLES = {
             "step, 1 branch: .2f",
             "step, 4 branches: .2f",
             "step, softening: .2f",
+            "step of equilibria, 1 branch: .2f",
             "first branch (kB): .2f",
             "further branch (kB): .2f",
             "softening (kB): .2f",
+            "path of equilibria (kB): .2f",
         ),
         of_rows(
             "forms",

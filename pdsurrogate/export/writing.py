@@ -120,7 +120,7 @@ TARGETS = {
         "from {name}_ufl import stress, tangent; with a test function v and a trial function du,"
         " the residual is inner(stress(F), grad(v)) * dx and its derivative"
         " inner(tangent(F, grad(du)), grad(v)) * dx. psi(F) is the energy per undeformed volume;"
-        " UFL can differentiate psi and stress, too, but compiles the results for longer."
+        " UFL can differentiate stress and psi, too, but compiles the results for longer."
         " All take other moduli, which may be constants of UFL. UFL cannot estimate the"
         " degree of quadrature: give it, dx = ufl.dx(metadata=dict(quadrature_degree=4)),"
         " 4 for quadratic elements.",
