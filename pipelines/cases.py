@@ -11,13 +11,16 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from unittest.mock import patch
 
 from pages import FIGURES, markdown_table, replace_block, rounded, shown
 
 import pdsurrogate as pds
 from pdsurrogate.results.files import write_json
+from pdsurrogate.run.tearing import Tearing
 
 Figures = Mapping[str, list]
 """Rows by the names of their cases."""
@@ -111,6 +114,20 @@ def write_tables(study):
     """Put the tables of all stored figures into the documentation."""
     for name, table in study.tables.items():
         replace_block(name, table(stored(study.name)))
+
+
+@contextmanager
+def ending_at(bonds):
+    """Slow tears end as if separated once they have broken so many bonds: past their peak."""
+    whole = Tearing._break
+
+    def part(tear, pairs, cause):
+        found = whole(tear, pairs, cause)
+        tear.through |= tear.run.state.crack["broken_bonds"] >= bonds
+        return found
+
+    with patch.object(Tearing, "_break", part):
+        yield
 
 
 Errors = Iterable[tuple[str, float, int]]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from cases import Study, report, stored
+from cases import Study, ending_at, report, stored
 from pages import markdown_table
 
 import pdsurrogate as pds
@@ -83,6 +83,11 @@ PULLED = 0.4, 1.5, 0.04
 """Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over
 the expected travel at the peak. A strip with G = ENERGY has an expected travel of 0.5, which gives
 about the travels and the speed of the other strips.
+"""
+
+SLOWLY, PAST_PEAK = 0.85, 60
+"""Of a slow tear: travel at which bonds begin to break are looked for, over the one expected at the
+peak, and broken bonds after which it ends: those of some ten spacings, along a row.
 """
 
 DAMPING, SLIDING_DAMPING = 0.02, 0.5
@@ -162,7 +167,7 @@ def cases(study):
     """All tears of a study by their names, such as "model=bond-energy plane=stress ratio=2.2
     rows=16", which stand in its JSON; figures of those without a peak, or not torn yet, are empty.
     """
-    texts = {"model", "plane", "arrangement"}
+    texts = {"model", "plane", "arrangement", "process"}
     words = {name: [word.split("=") for word in name.split()] for name in stored(study)}
     return {
         name: {key: value if key in texts else json.loads(value) for key, value in of}
@@ -233,13 +238,10 @@ def strip(
     damping = SLIDING_DAMPING if slides else DAMPING
     if slides and case["ratio"] >= EASED_FROM:
         prescribed[-1]["amplitude"] = eased(first, last)
-    pulled = {
-        "to": last,
-        "outputs": 60,
-        "dynamics": (
-            {"duration": (last - first) / rate, "density": 1.0, "damping": damping} | dynamics
-        ),
-    }
+    moving = {"duration": (last - first) / rate, "density": 1.0, "damping": damping} | dynamics
+    pulled = {"to": last, "outputs": 60, "dynamics": moving}
+    if "process" in case:
+        first, pulled = SLOWLY * first / PULLED[0], {"to": last}
     return pds.Scene.model_validate(
         {
             "name": "strip",
@@ -313,13 +315,14 @@ def torn(case, **dynamics):
         law, case.get("energy", ENERGY), horizon, guess(case)
     )
     try:
-        result, failure = (
-            pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1),
-            None,
-        )
+        with ending_at(PAST_PEAK if "process" in case else np.inf):
+            result, failure = (
+                pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1),
+                None,
+            )
     except pds.SimulationFailed as error:
         result, failure = error.result, error
-    rows = [row for row in result.history if "time" in row]
+    rows = [row for row in result.history if "process" in case or "time" in row]
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
     if failure and (
         not len(load) or load[-1] > load.max() / 2
@@ -346,9 +349,9 @@ def torn(case, **dynamics):
     figures["diameter"] = figures["G"] / (
         homogeneous.uniaxial(law, critical).energy_density * result.body.horizon
     )
-    account = result.summary["dynamics"][-1].get("energy_gap")
+    account = result.summary.get("quasi_static") or result.summary["dynamics"][-1]
     return figures | {
-        "account_percent": account,
+        "account_percent": account.get("energy_gap"),
         "seconds": time.process_time() - began,
         **dynamics,
     }

@@ -2,8 +2,8 @@
 
 from itertools import product
 
-import felupe
 import numpy as np
+import pytest
 from calculix import CORNERS, run
 
 
@@ -53,6 +53,7 @@ def in_felupe(material, nodes, cells, moves, increments):
     """Forces (m, 3) on the nodes in FElupe, whose hexahedron is that of CalculiX's C3D8: eight
     nodes, eight points of integration.
     """
+    felupe = pytest.importorskip("felupe", reason="needs felupe")
     mesh = felupe.Mesh(nodes, cells, "hexahedron")
     field = felupe.FieldContainer([felupe.Field(felupe.RegionHexahedron(mesh), dim=3)])
     solid = felupe.SolidBody(umat=material, field=field)
