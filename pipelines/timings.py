@@ -499,14 +499,15 @@ def of_memory():
     from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
 
     memories = [Memory(tuple(Branch(1.0, 4.0**k) for k in range(n))) for n in (0, 1, 4)]
-    memories.append(Memory(softening=Softening(1.5, 0.1, 0.1)))
+    memories += [Memory(softening=Softening(1.5, 0.1, 0.1)), memories[1]]
     for plane, sides in (("strain", (90, 90)), ("stress", (90, 90)), ("space", (20, 20, 20))):
         body, first, last, _ = waved_block(sides)
         out, forces, held = np.empty_like(first), [], []
-        for memory in memories:
+        for number, memory in enumerate(memories):
             tracemalloc.start()
+            settings = pds.ForceSettings(plane=plane, paths=number == 4)
             law = NeoHookean(bulk_modulus=100.0, memory=memory)
-            force = pds.BondEnergyForce().bind(body, law, pds.ForceSettings(plane=plane))
+            force = pds.BondEnergyForce().bind(body, law, settings)
             held.append(tracemalloc.get_traced_memory()[0] / len(body) / 1e3)
             tracemalloc.stop()
             force.elapse(0.3)
@@ -522,7 +523,7 @@ def of_memory():
                 force(last, out)
                 evaluated = time.thread_time()
                 force.accept(last)
-                force.elapse(0.2)
+                force.elapse(0.2, 0.2)
                 force(last, out)
                 evaluations[turn, number] = evaluated - began
                 steps[turn, number] = time.thread_time() - evaluated
@@ -533,7 +534,7 @@ def of_memory():
             1e9 * evaluation[0] / len(body.bonds.first),
             *(ratio[1] - 1, (ratio[2] - ratio[1]) / 3, ratio[3] - 1),
             *((step - evaluation)[1:] / evaluation[1:]),
-            *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0]),
+            *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0], held[4] - held[1]),
         )
 
 
@@ -649,6 +650,49 @@ def of_parts():
             yield f"{name}, {len(points):,} points", parts, own.mean(), *shares
 
 
+FORMS = """
+import importlib.util, json, resource, sys, time
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+spec = importlib.util.spec_from_file_location("law", sys.argv[1])
+spec.loader.exec_module(law := importlib.util.module_from_spec(spec))
+d = 3 if hasattr(law, "volumetric") else 2
+body = (mesh.create_unit_cube if d == 3 else mesh.create_unit_square)(MPI.COMM_WORLD, *[1] * d)
+V = fem.functionspace(body, ("Lagrange", 2, (d,)))
+u, v, du = fem.Function(V), ufl.TestFunction(V), ufl.TrialFunction(V)
+F, dx = ufl.Identity(d) + ufl.grad(u), ufl.dx(metadata={"quadrature_degree": 4})
+began = time.process_time()
+fem.form(ufl.inner(law.stress(F), ufl.grad(v)) * dx)
+fem.form(ufl.inner(law.tangent(F, ufl.grad(du)), ufl.grad(v)) * dx)
+code = time.process_time() - began
+own, C = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+memory = max(own.ru_maxrss, C.ru_maxrss) / 1024
+print(json.dumps({"of": [code, C.ru_utime + C.ru_stime, memory]}))
+"""
+"""Compiles stress and tangent of an exported file for quadratic tetrahedra or triangles: seconds of
+DOLFINx and of the C compiler, and MB.
+"""
+
+
+def of_forms():
+    """Exported UFL in DOLFINx, which `.ci/solvers` installs."""
+    from pdsurrogate.artifacts.places import SHIPPED
+    from pdsurrogate.export import exported, file_name, source_of_artifact, source_of_law
+
+    place = ROOT / "build" / "dolfinx"
+    learned = (source_of_artifact(path.name) for path in sorted(SHIPPED[1].iterdir()))
+    laws = (source_of_law(law()) for law in pds.materials.LAWS.values())
+    for source in (*laws, *(one for one in learned if one.network is not None)):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / file_name(source, "ufl")
+            path.write_text(exported(source, "ufl"))
+            variables = {"XDG_CACHE_HOME": folder, "LD_LIBRARY_PATH": str(place / "lib")}
+            python = (str(place / "bin" / "python"),)
+            run = spent(ROOT, "-c", FORMS, str(path), python=python, **variables)
+        yield f"`{source.title}`", *run["of"]
+
+
 COSTS_OF_BONDS = "ns/directed bond, one thread: .2f", "all threads: .2f", "setup (s): .1f"
 POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
@@ -684,9 +728,20 @@ TABLES = {
             "step, 1 branch: .2f",
             "step, 4 branches: .2f",
             "step, softening: .2f",
+            "step of equilibria, 1 branch: .2f",
             "first branch (kB): .2f",
             "further branch (kB): .2f",
             "softening (kB): .2f",
+            "path of equilibria (kB): .2f",
+        ),
+        of_rows(
+            "forms",
+            of_forms,
+            [()],
+            "law or artifact",
+            "DOLFINx (s): .1f",
+            "C compiler (s): .1f",
+            "memory (MB): .0f",
         ),
         of_rows(
             "threads",

@@ -50,11 +50,12 @@ class Rubber:
         r, m, beta = self.softening
         return 1 - erf((max(peak, W) - W) / (m + beta * max(peak, W))) / r
 
-    def solve(self, given, stress, C, peak):
+    def solve(self, given, stress, C, peak, start=0.0):
         """Logarithms of stretches at given ones (NaN: a free axis) and, if not None, a nominal
-        stress along the axes whose given values are -inf, by Newton's method.
+        stress along the axes whose given values are -inf, by Newton's method from `start`. After a
+        step of 1e-8 the error is one of rounding.
         """
-        e = np.where(np.isfinite(given), given, 0.0)
+        e = np.where(np.isfinite(given), given, start)
         free = np.flatnonzero(~np.isfinite(given))
         loaded = np.isneginf(given)
         for _ in range(200):
@@ -63,7 +64,7 @@ class Rubber:
             slope = slope - np.diag(np.where(loaded, (stress or 0.0) * np.exp(e), 0.0))
             step = np.linalg.solve(slope[np.ix_(free, free)], residual[free]) if len(free) else []
             e[free] -= np.clip(step, -0.2, 0.2)
-            if not len(free) or np.abs(step).max() < 1e-14:
+            if not len(free) or np.abs(step).max() < 1e-8:
                 break
         return e
 
@@ -101,10 +102,14 @@ class Rubber:
         taus = np.array([tau for _, tau in self.branches])
         moduli = np.array([modulus for modulus, _ in self.branches])
 
+        near = np.zeros(3)
+
         def state(value, C, peak):
+            nonlocal near
             loads = {0: -np.inf if control == "stress" else np.log(max(value, 1e-9)), 1: 0.0}
             given = np.array([loads.get(axis, np.nan) for axis in axes])
-            return self.solve(given, value if control == "stress" else None, C, peak)
+            near = self.solve(given, value if control == "stress" else None, C, peak, near)
+            return near
 
         def cbar(e):
             return np.exp(2 * (e - e.mean()))

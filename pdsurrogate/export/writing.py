@@ -4,7 +4,7 @@ constants of the energy.
 
 import re
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from string import Template
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import __version__
 from ..kernels.network import ACTIVATIONS
-from ..materials import InvariantLaw, Law
+from ..materials import InvariantLaw, PrincipalStretchLaw
 from .source import Source
 from .tracing import Language, symbol
 
@@ -21,11 +21,9 @@ ALLOWED = 1e-10
 that the check of a file allows.
 """
 
-REST_STATES = 200
-REST_STRAIN = 0.03
-"""Number of states, and the size of their log-strains, at which `_near_rest` fits a polynomial.
-Chosen: at smaller strains rounding, and at larger ones the terms that are left out, would change
-its coefficients.
+REST_STRAIN = 1e-3
+"""Log-strain of the differences of `_near_rest`. Chosen: their error is a millionth, and rounding
+less.
 """
 
 
@@ -63,6 +61,7 @@ PYTHON = Language(
     line=lambda statement: f"    {statement}",
     row=lambda at, literals: f"    [{', '.join(literals)}],",
 )
+UFL = replace(PYTHON, functions={**PYTHON.functions, "sum": "total({0})"})
 C = Language(
     functions={"power": "pow({0}, {1})", "where": "({0} ? {1} : {2})", "nan": "NAN"},
     line=lambda statement: f"    {statement};",
@@ -102,7 +101,7 @@ TARGETS = {
         "C     ",
         "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}."
         " The stress is Cauchy's and the tangent that of its Jaumann rate, in the order 11, 22, 33,"
-        " 12, 13, 23, for {elements}.",
+        " 12, 13, 23, for {elements}. CalculiX needs the file of --to calculix-umat.",
     ),
     "calculix-umat": Target(
         "umat.f",
@@ -116,11 +115,15 @@ TARGETS = {
     "ufl": Target(
         "ufl.txt",
         "_ufl.py",
-        PYTHON,
+        UFL,
         "",
-        "from {name}_ufl import psi; psi(F) is the energy per undeformed volume as an expression of"
-        " UFL, whose derivative is the stress. psi takes other moduli, which may be constants of"
-        " UFL.",
+        "from {name}_ufl import stress, tangent; with a test function v and a trial function du,"
+        " the residual is inner(stress(F), grad(v)) * dx and its derivative"
+        " inner(tangent(F, grad(du)), grad(v)) * dx. psi(F) is the energy per undeformed volume;"
+        " UFL can differentiate stress and psi, too, but compiles the results for longer."
+        " All take other moduli, which may be constants of UFL. UFL cannot estimate the"
+        " degree of quadrature: give it, dx = ufl.dx(metadata=dict(quadrature_degree=4)),"
+        " 4 for quadratic elements.",
     ),
     "c": Target(
         "energy.h",
@@ -174,7 +177,7 @@ def exported(source: Source, target: str) -> str:
             f" sheet has no thickness; export the law {source.law.name}, which has one"
         )
     try:
-        tags, parts = _parts(source, found.language, target == "ufl")
+        tags, parts = _parts(source, found.language)
         tags.add(target)
     except ValueError as error:
         raise ValueError(f"{source.law.name}: {error}") from None
@@ -210,22 +213,15 @@ def _values(source: Source, language: Language) -> dict:
     }
 
 
-def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[str], dict]:
+def _parts(source: Source, language: Language) -> tuple[set[str], dict]:
     """Return the tags of the sections of a template that an energy needs, and its expressions and
     constants by their names there.
-
-    `energy_alone` leaves out derivatives, for UFL, which differentiates.
     """
     law = source.law
     network = source.network
     softening = law.memory.softening
     tags = {"begin", "check", "end", "memory" if law.memory else "elastic"}
     found = _memory(source, language)
-
-    def body(function, arguments: str, results: str, *more) -> str:
-        return language.body(
-            function, arguments, results.split()[0] if energy_alone else results, *more
-        )
 
     tags |= {"branches"} if law.memory.branches else set()
     tags |= {"softening"} if softening else set()
@@ -234,21 +230,21 @@ def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[
         tags |= {"sheet"}
     else:
         tags |= {"space"}
-        found["volumetric"] = body(
+        found["volumetric"] = language.body(
             law.volumetric, "J3", "U U1 U2", [symbol("K"), *law.parameters[1:]]
         )
     if network is not None:
         tags |= {"network"} if source.is_sheet else {"network", "isochoric", "invariants"}
         units = np.vstack([network.hidden_weights, network.hidden_biases, network.output_weights]).T
         found |= {"units": language.table(units), "n_units": len(units)}
-        found["activation"] = body(ACTIVATIONS[network.activation], "x", "a a1 a2")
+        found["activation"] = language.body(ACTIVATIONS[network.activation], "x", "a a1 a2")
         found |= dict(zip(("at_rest", "flat"), map(language.literal, network.at_rest), strict=True))
         found["least"], found["greatest"] = map(
             language.literal, (network.domain.least_stretch, network.domain.greatest_stretch)
         )
     elif isinstance(law, InvariantLaw):
         tags |= {"law", "invariants"}
-        found["isochoric"] = body(
+        found["isochoric"] = language.body(
             law.isochoric, "I1 I2", "W W1 W2 W11 W12 W22", list(law.parameters)
         )
     else:
@@ -262,12 +258,8 @@ def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[
         constants = tuple(
             symbol((language.element or C.element)("c", at)) for at in range(terms.shape[1])
         )
-        found["term"] = body(law.term, "x1 x2 x3 s1 s2 s3", "W g1 g2 g3 h", constants)
-        found |= (
-            {f"rest_{key}": language.literal(value) for key, value in _near_rest(law).items()}
-            if energy_alone
-            else {}
-        )
+        found["term"] = language.body(law.term, "x1 x2 x3 s1 s2 s3", "W g1 g2 g3 h", constants)
+        found |= zip(("third", "fourth"), map(language.literal, _near_rest(law)), strict=True)
     return tags, found
 
 
@@ -366,37 +358,17 @@ def _use_of_memory(size: int, source: Source, target: Target) -> str:
     return how.format(what=" and ".join(what)) + scaled
 
 
-def _near_rest(law: Law) -> dict[str, float]:
-    """Fit the coefficients of W near rest, a polynomial of a = I1bar - 3 and b = I1bar - I2bar,
-    which a law of stretches does not state.
+def _near_rest(law: PrincipalStretchLaw) -> tuple[float, float]:
+    """Return k and l of W = a/2 + k b + l a^2, a = I1bar - 3 and b = I1bar - I2bar, the energy near
+    rest up to the fourth order in the strain, which a law of stretches does not state.
 
-    a is of second and b of third order in the strain; the terms of W up to the fifth order are
-    returned, by name.
+    Along (-1, -1, 2)/3 the third derivatives of a and b by the log-stretch are 16/9 and 32/9, and
+    the fourth ones of a, b and a^2 are 32/9, 0 and 128/3.
     """
-    random = np.random.default_rng(0)
-    logs = random.standard_normal((3, REST_STATES))
-    logs -= logs.mean(axis=0)
-    logs *= REST_STRAIN * random.uniform(0.2, 1, REST_STATES) / abs(logs).max(axis=0)
-    squares = np.exp(2 * logs)
-    a = squares.sum(axis=0) - 3
-    b = (squares - 1 / squares).sum(axis=0)
-    terms = {
-        "a": a,
-        "b": b,
-        "aa": a * a,
-        "ab": a * b,
-        "aaa": a**3,
-        "bb": b * b,
-        "aab": a * a * b,
-        "aaaa": a**4,
-        "abb": a * b * b,
-    }
-    columns = np.stack(list(terms.values()), axis=1)
-    scale = abs(columns).max(axis=0)
-    found = (
-        np.linalg.lstsq(
-            columns / scale, law.sums((*logs, *squares), law.parameters)[0], rcond=None
-        )[0]
-        / scale
+    behind, here, ahead = (
+        law.sums((*x, *np.exp(2 * x)), law.parameters)[-1]
+        for x in REST_STRAIN * np.outer([-1, 0, 1], [-1, -1, 2]) / 3
     )
-    return dict(zip(terms, found.tolist(), strict=True))
+    third = (ahead - behind) / (2 * REST_STRAIN)
+    fourth = (ahead - 2 * here + behind) / REST_STRAIN**2
+    return float(third - 8 / 9) * 9 / 32, float(fourth - 16 / 9) * 3 / 128

@@ -27,10 +27,10 @@ from .softening import soften, softening_loss
 
 
 def memory_rows(dimension: int) -> int:
-    """Return the number of rows of a thread's buffer for a pass with memory: Cb, the sum of M over
-    the branches, J^(-1/3), and a row of softening, after those of `selective_energy`.
+    """Return the number of rows of a thread's buffer for a pass with memory: states and results of
+    `selective_energy`, four tensors, and two numbers.
     """
-    return buffer_rows(dimension) + 2 * tensors_of(dimension).TENSOR + 2
+    return buffer_rows(dimension) + 4 * tensors_of(dimension).TENSOR + 2
 
 
 @inlined
@@ -95,15 +95,18 @@ def begin_steps(algebra):
                     tensors.take_listed(states, states.shape[1], pairs, at + k, place, C_k, k)
                 found = rows_from(into, branch * tensors.STEP)
                 put_durations(passed, block, branch, h, durations)
-                for k in range(BLOCK):
-                    state = tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k), durations[0, k]
-                    if ratio >= 0.0:
-                        B, b = tensors.begin_curved_step(
-                            *state, tensors.tensor_at(earlier, k), ratio
-                        )
-                    else:
-                        B, b = tensors.begin_step(*state)
-                    put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
+                # Loops with one kind of step each, which are vectorized.
+                if ratio >= 0.0:
+                    for k in range(BLOCK):
+                        state = tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k)
+                        before = tensors.tensor_at(earlier, k)
+                        B, b = tensors.begin_curved_step(*state, durations[0, k], before, ratio)
+                        put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
+                else:
+                    for k in range(BLOCK):
+                        state = tensors.tensor_at(C_k, k), tensors.tensor_at(Cb, k)
+                        B, b = tensors.begin_step(*state, durations[0, k])
+                        put_column(found, k, (*tensors.kept_of(B), min(b, greatest_b)))
             if softening.shape[0] > 0:
                 known = rows_from(into, times.shape[0] * tensors.STEP)
                 for k in range(BLOCK):
@@ -305,6 +308,7 @@ def accept_steps(algebra):
         before = rows_from(strains, before_row)
         C_k = rows_from(before, tensor)
         durations = rows_from(C_k, tensor)
+        stayed = rows_from(durations, 1)
         states = rows_from(block_rows(memory[chunk.thread]), state_rows)
         result = rows_from(states, STATE_ROWS)
         width = all_states.shape[1]
@@ -356,15 +360,23 @@ def accept_steps(algebra):
                 for k in range(0, BLOCK, 4):
                     tensors.take_listed(all_states, width, pairs, at + k, place, C_k, k)
                 put_durations(passed, block, branch, h, durations)
+                if ratio > 0.0:
+                    for k in range(BLOCK):
+                        Cb_0 = tensors.tensor_at(before, k)
+                        begun = tensors.tensor_at(C_k, k)
+                        B, b = tensors.begin_curved_step(begun, Cb_0, h, Cb_0, 0.0)
+                        put_column(stayed, k, tensors.end_step(B, b, Cb_0))
+                else:
+                    for k in range(BLOCK):
+                        B, b = tensors.step_in(step, k, 1.0)
+                        put_column(stayed, k, tensors.end_step(B, b, tensors.tensor_at(before, k)))
                 for k in range(BLOCK):
                     Cb = tensors.tensor_at(strains, k)
                     begun = tensors.tensor_at(C_k, k)
                     B, b = tensors.step_in(step, k, 1.0)
                     ended = tensors.end_step(B, b, Cb)
                     Cb_0 = tensors.tensor_at(before, k)
-                    if ratio > 0.0:
-                        B, b = tensors.begin_curved_step(begun, Cb_0, h, Cb_0, 0.0)
-                    held = tensors.end_step(B, b, Cb_0)
+                    held = tensors.tensor_at(stayed, k)
                     strains[lost_row, k] += moduli[branch] * tensors.dissipation(
                         Cb_0, begun, held, Cb, ended, durations[0, k]
                     )

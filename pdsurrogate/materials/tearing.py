@@ -7,6 +7,13 @@ import scipy
 
 from . import homogeneous
 from .law import Law, check_number, checked_law
+from .states import PLANES
+
+TABLE, MOST_STRETCH = 500, 10.0
+"""Number of states in uniaxial tension up to a stretch and as many beyond it, and the greatest
+stretch over that one. Chosen: energies between them are off by less than 1e-4, and the last stress
+is some hundred times the one at the stretch, also near the limit of chains.
+"""
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
@@ -83,6 +90,22 @@ def stretch_at_stress(law: Law, stress: float, what: str = "that stress") -> flo
     return stretch_at(
         law, lambda stretch: homogeneous.uniaxial(law, stretch).nominal_stress, stress, what
     )
+
+
+def tension_states(law: Law, stretch: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return nominal stresses in uniaxial tension up to a stretch, from 0, and `MOST_STRETCH` times
+    beyond it unless the law ends before, and the roots of the energy densities there, shape (n,).
+
+    The roots are nearly linear in the stress, which is the last one of the first `TABLE` at the
+    stretch.
+    """
+    stretches = np.linspace(1.0, stretch, TABLE)
+    stretches = np.append(stretches, np.geomspace(stretch, MOST_STRETCH * stretch, TABLE)[1:])
+    stresses, ratios = homogeneous.sheet_states(law, stretches, np.full(len(stretches), np.nan))
+    of = np.isfinite(stresses)
+    stretches, stresses, ratios = stretches[of], stresses[of], ratios[of]
+    F = np.stack([stretches, np.sqrt(ratios / stretches)], axis=1)[:, None] * np.eye(2)
+    return stresses, np.sqrt(np.maximum(PLANES["stress"].energy_at(law, F, ratios), 0.0))
 
 
 def stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:

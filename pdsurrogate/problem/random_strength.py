@@ -4,22 +4,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from ..body import Body
-from ..materials import Law, homogeneous
-from ..materials.tearing import stretch_at_stress
+from ..materials import Law
+from ..materials.tearing import stretch_at_stress, tension_states
 from ..scenes.strength import Scatter
-
-INTERPOLATED = 40
-"""States in uniaxial tension between which works at break are interpolated. Chosen: an error below
-1e-4, far below the scatter of any strength, also near the limit of Gent's chains.
-"""
-
-NARROWEST = 0.9
-"""Greatest ratio of the least stress between which works are interpolated to the greatest, so that
-stresses that hardly differ, or a single one, lie apart. Chosen: far from rounding and from zero.
-"""
 
 
 def strength_factors(
@@ -90,21 +79,13 @@ def random_works(
     lowest = whole.points.min(axis=0) - whole.spacing / 2
     given = scatter.length, scatter.modulus, scatter.specimen, scatter.seed
     every = strength_factors(whole.points, lowest, *given)
-    ends = float(every.min()), float(every.max())
-    return works_at_break(law, stress, strength_factors(places, lowest, *given), ends)
+    factors = strength_factors(places, lowest, *given)
+    return works_at_break(law, stress, factors, float(every.max()))
 
 
-def works_at_break(
-    law: Law, stress: float, factors: np.ndarray, ends: tuple[float, float]
-) -> np.ndarray:
+def works_at_break(law: Law, stress: float, factors: np.ndarray, greatest: float) -> np.ndarray:
     """Return the energies per volume at which uniaxial tension reaches the nominal stress `stress`
-    times each of the `factors`, shape (n,), all between `ends`.
+    times each of the `factors`, shape (n,), of which none exceeds `greatest`.
     """
-    least, greatest = (
-        stretch_at_stress(law, stress * factor, "the greatest of the random strengths")
-        for factor in (min(ends[0], NARROWEST * ends[1]), ends[1])
-    )
-    states = [homogeneous.uniaxial(law, one) for one in np.linspace(least, greatest, INTERPOLATED)]
-    stresses = [one.nominal_stress for one in states]
-    energies = [one.energy_density for one in states]
-    return scipy.interpolate.pchip_interpolate(stresses, energies, stress * factors)
+    top = stretch_at_stress(law, stress * greatest, "the greatest of the random strengths")
+    return np.square(np.interp(stress * factors, *tension_states(law, top)))

@@ -6,20 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..materials import PLANES, Law, homogeneous
-from ..materials.homogeneous import sheet_states
 from ..materials.states import principal_stretches
+from ..materials.tearing import MOST_STRETCH, TABLE, tension_states
 from ..scenes.strength import Strength
-
-TABLE = 500
-"""Stretches up to break, and beyond it, between which energies in uniaxial tension are
-interpolated, and angles around a tip. Chosen: an error below 1e-4, and stresses of some hundred
-times that at break near the limit of chains.
-"""
-
-MOST_STRETCH = 10.0
-"""Greatest stretch in the table over that at break, and greatest equal stretch in all directions at
-which a law is asked for its hydrostatic strength.
-"""
 
 
 @dataclass(frozen=True)
@@ -116,19 +105,13 @@ def surface_of(law: Law, stretch: float, given: Strength) -> Surface | None:
                 f" {given.equibiaxial:g}: beyond it, pressure would break the material"
             )
         share = max(share, 0.0)
-    stretches = np.linspace(1.0, stretch, TABLE)
-    stretches = np.append(stretches, np.geomspace(stretch, MOST_STRETCH * stretch, TABLE)[1:])
-    stresses, ratios = sheet_states(law, stretches, np.full(len(stretches), np.nan))
-    of = np.isfinite(stresses)  # the law may end
-    stretches, stresses, ratios = stretches[of], stresses[of], ratios[of]
+    stresses, roots = tension_states(law, stretch)
     if (np.diff(stresses) <= 0).any():
         raise ValueError(
             f"the nominal stress of {law.name} in uniaxial tension must rise up to the break and"
             " beyond it for a strength of two numbers; leave the second out"
         )
-    F = np.stack([stretches, np.sqrt(ratios / stretches)], axis=1)[:, None] * np.eye(2)
-    energies = PLANES["stress"].energy_at(law, F, ratios)
-    return Surface(share, uniaxial, stresses, np.sqrt(np.maximum(energies, 0.0)))
+    return Surface(share, uniaxial, stresses, roots)
 
 
 def _check_reached(law: Law, hydrostatic: float) -> None:

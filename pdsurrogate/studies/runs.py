@@ -20,7 +20,7 @@ from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import SUMMARY
 from ..run.derivatives import differentiate
-from ..run.parameters import PLACES, check_not_at_break, numbers_in
+from ..run.parameters import PLACES, numbers_in
 from ..run.reopened import check_models
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
@@ -262,7 +262,6 @@ def _derivatives(
         return (), {}
     try:
         check_models(scene, checked_models(scene, model))
-        check_not_at_break(study.derivatives, "its names")
     except ValueError as error:
         raise SceneError(f"derivatives: {error}") from None
     _check_measurements(study.derivatives, scene)

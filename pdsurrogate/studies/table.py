@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..arguments import suggestion
 from ..results import tables
 from ..results.figures import STYLE
+from ..run.parameters import check_not_at_break
 from ..scenes import SceneError
 from ..scenes.reading import leaves
 from .description import Study
@@ -82,6 +83,10 @@ def check_quantities(study: Study) -> None:
     """Raise SceneError if a study asks for a quantity, or a derivative of one, that no run can
     have; the message suggests a similar key.
     """
+    try:
+        check_not_at_break(study.derivatives or (), "derivatives")
+    except ValueError as error:
+        raise SceneError(str(error)) from None
     for name in study.derivatives or ():
         if (first := name.split(".")[0]) not in KEYS_OF_LEVELS:
             raise SceneError(

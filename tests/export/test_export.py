@@ -399,9 +399,15 @@ def test_umat_drives_uniaxial_tension(name, tmp_path):
         assert stress[0] * lateral**2 == pytest.approx(exact.nominal_stress, rel=1e-9)
 
 
-def evaluated(expressions, values):
-    """Values of scalar UFL expressions; `values` are those of variables, one array for each."""
-    classes = pytest.importorskip("ufl.classes")
+def evaluated(expression, values):
+    """Values of a UFL expression, of shape (N_STATES, *shape); `values` are those of variables.
+
+    Arrays have an axis of states, one for each free index by its number, and those of the shape.
+    """
+    from ufl import classes
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+    from ufl.algorithms.apply_derivatives import apply_derivatives
+    from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
     from ufl.corealg.traversal import unique_post_traversal
 
     functions = {
@@ -410,24 +416,67 @@ def evaluated(expressions, values):
         classes.Ln: np.log,
         classes.Tanh: np.tanh,
         classes.Conditional: np.where,
-    }
-    functions |= {
         classes.Sum: np.add,
         classes.Product: np.multiply,
         classes.Division: np.divide,
         classes.Power: np.power,
+        classes.GT: np.greater,
+        classes.LT: np.less,
     }
-    functions |= {classes.GT: np.greater, classes.LT: np.less}
+
+    def ordered(array, before, after):
+        """An array with other axes of free indices; of an index that occurs twice, the diagonal."""
+        labels = {index: label for label, index in enumerate(dict.fromkeys(before), start=1)}
+        rows = ([0, *(labels[index] for index in row)] for row in (before, after))
+        return np.einsum(array, *rows)
+
+    def spread(node, indices):
+        """Value of an operand with an axis for each of the indices."""
+        found = known[node]
+        for place, index in enumerate(indices):
+            if index not in node.ufl_free_indices:
+                found = np.expand_dims(found, place + 1)
+        return found
+
     known = dict(values)
-    for expression in expressions:
-        for node in unique_post_traversal(expression):
-            if node in known or isinstance(node, classes.Label):
-                continue
-            if isinstance(node, classes.ScalarValue | classes.Zero):
-                known[node] = float(node)
-            else:
-                known[node] = functions[type(node)](*(known[one] for one in node.ufl_operands))
-    return [np.broadcast_to(known[expression], N_STATES) for expression in expressions]
+    expression = apply_derivatives(remove_complex_nodes(apply_algebra_lowering(expression)))
+    for node in unique_post_traversal(expression):
+        if node in known or isinstance(node, classes.Label | classes.MultiIndex):
+            continue
+        free = getattr(node, "ufl_free_indices", ())
+        first, *rest = node.ufl_operands or (None,)
+        if isinstance(node, classes.Zero):
+            found = np.zeros((1, *[1] * len(free), *node.ufl_shape))
+        elif isinstance(node, classes.ScalarValue):
+            found = np.full(1, float(node))
+        elif isinstance(node, classes.Identity):
+            found = np.eye(node.ufl_shape[0])[None]
+        elif isinstance(node, classes.ListTensor):
+            parts = np.broadcast_arrays(*(spread(one, free) for one in node.ufl_operands))
+            found = np.stack(parts, axis=1 + len(free))
+        elif isinstance(node, classes.IndexSum):
+            place = first.ufl_free_indices.index(rest[0][0].count())
+            found = known[first].sum(axis=1 + place)
+        elif isinstance(node, classes.ComponentTensor):
+            order = [*free, *(index.count() for index in rest[0])]
+            found = ordered(known[first], first.ufl_free_indices, order)
+        elif isinstance(node, classes.Indexed):
+            numbers = [
+                int(one) if isinstance(one, classes.FixedIndex) else slice(None) for one in rest[0]
+            ]
+            left = [one.count() for one in rest[0] if not isinstance(one, classes.FixedIndex)]
+            taken = known[first][(..., *numbers)]
+            found = ordered(taken, [*first.ufl_free_indices, *left], free)
+        else:
+            found = functions[type(node)](*(spread(one, free) for one in node.ufl_operands))
+        known[node] = found
+    return known[expression]
+
+
+def variable(values):
+    """A matrix of UFL that stands for values of shape (N_STATES, d, d)."""
+    ufl = pytest.importorskip("ufl", reason="needs fenics-ufl")
+    return ufl.variable(ufl.as_matrix(values[0].tolist()))
 
 
 @pytest.mark.parametrize(
@@ -435,31 +484,44 @@ def evaluated(expressions, values):
     [pytest.param(name, marks=[pytest.mark.slow] * (name == "full-network")) for name in SOURCES],
 )
 def test_ufl_file(name, tmp_path):
-    ufl = pytest.importorskip("ufl", reason="needs fenics-ufl")
-    from ufl.algorithms.apply_derivatives import apply_derivatives
-
+    """Among the states are that at rest, and equal and nearly equal stretches."""
     source = SOURCES[name]()
-    F, *answers = states_of(source)
-    d = F.shape[-1]
-    variables = [[ufl.variable(ufl.as_ufl(1.5 + d * k + el)) for el in range(d)] for k in range(d)]
-    energy = imported(written(source, "ufl", tmp_path)).psi(ufl.as_matrix(variables))
-
-    def slope(expression, at):
-        return apply_derivatives(ufl.diff(expression, variables[at[0]][at[1]]))
-
-    # F is turned at random, so that a wrong derivative shows in any component.
-    stress = {at: slope(energy, at) for at in ((0, 0), (1, 0))}
-    tangent = {
-        (*at, *along): slope(stress[at], along) for at in stress for along in ((1, 0), (1, 1))
-    }
+    F, energy, stress, tangent = states_of(source)
+    module = imported(written(source, "ufl", tmp_path))
+    H = np.random.default_rng(3).standard_normal(F.shape)
+    state, change = variable(F), variable(H)
+    values = {state: F, change: H}
     with np.errstate(all="ignore"):  # the values that conditions leave out
-        values = {variables[k][el]: F[:, k, el] for k in range(d) for el in range(d)}
-        found = evaluated([energy, *stress.values(), *tangent.values()], values)
-    assert_close(found[:1], answers[:1], answers, source)
-    assert_close(found[1:3], [answers[1][:, k, el] for k, el in stress], answers, source)
-    assert_close(
-        found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT
-    )
+        found = [
+            evaluated(expression, values)
+            for expression in (
+                module.psi(state),
+                module.stress(state),
+                module.tangent(state, change),
+            )
+        ]
+    answers = energy, stress, np.einsum("nijkl,nkl->nij", tangent, H)
+    assert_close(found[:2], answers[:2], (energy, stress, tangent), source)
+    assert_close(found[2:], answers[2:], (energy, stress, tangent), source, TANGENT)
+
+
+def test_ufl_differentiates_an_exported_energy(tmp_path):
+    ufl = pytest.importorskip("ufl", reason="needs fenics-ufl")
+    source = SOURCES["ogden"]()
+    F, _, *answers = states_of(source)
+    H = np.random.default_rng(3).standard_normal(F.shape)
+    state, change, t = variable(F), variable(H), ufl.variable(ufl.as_ufl(0.5))
+    energy = imported(written(source, "ufl", tmp_path)).psi(state + t * change)
+    slope = ufl.diff(energy, t)
+    with np.errstate(all="ignore"):  # the values that conditions leave out
+        found, second = (
+            evaluated(expression, {state: F, change: H, t: np.zeros(1)})
+            for expression in (slope, ufl.diff(slope, t))
+        )
+    stress, tangent = answers
+    assert_close([found], [np.einsum("nij,nij->n", stress, H)], (None, *answers), source)
+    right = np.einsum("nijkl,nij,nkl->n", tangent, H, H)
+    assert_close([second], [right], (None, *answers), source, TANGENT)
 
 
 def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):

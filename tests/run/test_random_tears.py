@@ -79,7 +79,7 @@ def test_what_no_scatter_can_be_is_refused(scatter, message):
 
 def test_numbers_that_are_left_to_no_artifact_are_refused():
     given = scene({"modulus": "artifact"})
-    with pytest.raises(SceneError, match=r"scatter\.modulus: the force model is no artifact"):
+    with pytest.raises(SceneError, match=r"scatter\.modulus: neither the force model nor"):
         started(given)
 
 
