@@ -197,7 +197,10 @@ def onset(sheet, tip, stretches, work, R, inside, length=None):
         def released(nodes, x=x, W=W, ahead=ahead, free=free):
             torn = free.copy()
             torn[ahead[:nodes], 1] = True
-            less = W - sheet.stretched(sheet.equilibrium(x, torn))[2][0] / work
+            try:
+                less = W - sheet.stretched(sheet.equilibrium(x, torn))[2][0] / work
+            except ValueError:
+                return np.nan  # elements at the new tip turn over
             return 2 * less @ sheet.A / (X[ahead[nodes], 0] - tip)
 
         first = released(1) if length else ends[ahead[0]]
