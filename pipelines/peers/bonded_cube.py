@@ -5,7 +5,7 @@ import time
 ENVIRONMENTS = {"felupe": ["felupe==11.3.0", "pypardiso==0.4.7"]}
 
 FORCES = {100.0: 1.24139, 1000.0: 1.25451}
-"""Force on a plate of side 1 by K / mu, from the finest meshes of two programs (`references`)."""
+"""Force on a plate of side 1 by K / mu, by finer elements; `cube-references` agree to 0.03 %."""
 
 
 def found(n, force, K, unknowns, began):
