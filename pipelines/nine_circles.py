@@ -16,6 +16,7 @@ from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.materials import PLANES, homogeneous
+from pdsurrogate.materials.tearing import stretch_at_stress
 from pdsurrogate.run.run import Run
 
 MU, LAME, ENERGY, UNIAXIAL, HYDROSTATIC = 0.52, 85.8, 0.041, 0.3, 1.0
@@ -27,7 +28,7 @@ FRACTURE = {
     "energy": ENERGY,
     "strength": {"uniaxial": UNIAXIAL, "hydrostatic": HYDROSTATIC},
 }
-YOUNG = 9 * LAW.bulk_modulus * MU / (3 * LAW.bulk_modulus + MU)
+LENGTH = ENERGY / homogeneous.uniaxial(LAW, stretch_at_stress(LAW, UNIAXIAL)).energy_density
 
 
 def torn(size, spacing, **keys):
@@ -156,7 +157,7 @@ def griffith(name, *given):
         yield name, *row
 
 
-def notched(length, spacing):
+def notched(plane, length, spacing):
     """An edge cut between rollers: nominal stress at the peak, that at which the elastic body has
     the tearing energy, by the square, and the strength of the ligament.
     """
@@ -164,18 +165,19 @@ def notched(length, spacing):
     keys = {
         "precuts": [{"start": [-1, side / 2], "end": [length, side / 2]}],
         "grips": ROLLERS,
+        "plane": plane.split(",")[0],
     }
+    fracture = {"energy": ENERGY} if "no strength" in plane else FRACTURE
     start = stretch_at(UNIFORM["uniaxial"][1], 0.04 / math.sqrt(max(length, 0.1)))
-    summary = torn([side, side], spacing, stretches=[start, 1.4], **keys)
+    summary = torn([side, side], spacing, stretches=[start, 1.4], fracture=fracture, **keys)
     peak = summary["crack"]["peak"]
     fine = min(spacing, length / 8)  # a shorter one has no region around its tip
     released = rate([side, side], fine, stretches=[peak["stretch"]], **keys)
     griffith = peak["nominal_stress"] * math.sqrt(ENERGY / released)
-    length_c = summary["strength"][0]["length"]
     gap = summary["quasi_static"]["greatest_energy_gap"]
-    cause = summary["crack"]["start"]["cause"]
+    cause = summary["crack"]["start"].get("cause")
     part = UNIAXIAL * (1 - length / side)
-    yield length / length_c, spacing, cause, peak["nominal_stress"], griffith, part, gap
+    yield plane, length / LENGTH, spacing, cause, peak["nominal_stress"], griffith, part, gap
 
 
 def first(name, spacing, state, at_first, found):
@@ -250,7 +252,7 @@ def rod(radius, length, spacing):
         lambda one: greatest(one) - 1, 0.8 * expected, 1.4 * expected, xtol=1e-4
     )
     yield (
-        "torsion: shear",
+        f"torsion, radius {radius:g}: shear",
         spacing,
         "strength",
         None,
@@ -269,6 +271,7 @@ def fields(name, *given):
 def draw():
     """Stress at the peak against the length of the notch."""
     rows = [row for rows in stored("circles-notch").values() for row in rows]
+    rows = [row[1:] for row in rows if row[0] == "stress"]
     lengths, _, _, found, griffith, strength, _ = zip(*rows, strict=True)
     drawing = Figure(figsize=(4.5, 3.2), layout="constrained")
     axes = drawing.subplots()
@@ -315,8 +318,9 @@ if __name__ == "__main__":
         of_rows(
             "circles-notch",
             notched,
-            [(0.11, 0.055), (0.33, 0.11), (1.1, 0.11), (3.3, 0.11)],
-            *("cut (l_c): .2f", spacing, first_by, "nominal stress at the peak: .4f"),
+            [("stress", one, 0.055 if one < 0.2 else 0.11) for one in (0.11, 0.33, 1.1, 3.3)]
+            + [("strain", 1.65, 0.11), ("strain, no strength", 1.65, 0.11)],
+            *("plane", "cut (l_c): .2f", spacing, first_by, "nominal stress at the peak: .4f"),
             *("Griffith: .4f", "strength of the ligament: .4f", gap),
         ),
     )

@@ -9,7 +9,7 @@ users are traced like those of the package.
 import math
 import operator
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -190,50 +190,36 @@ class Language:
         names = results.split()
         if self.element:
             names = [self.element(names[0], number) for number in range(len(names))]
-        local, lines = printed(function, [*map(symbol, arguments.split()), *more], names, self)
+        found = [constant(value) for value in function(*map(symbol, arguments.split()), *more)]
+        order: dict[Value, None] = {}
+        uses = Counter(found)
+
+        def visit(value: Value) -> None:
+            if value not in order and value.operation not in ("symbol", "number"):
+                for one in value.operands:
+                    uses[one] += 1
+                    visit(one)
+                order[value] = None
+
+        for value in found:
+            visit(value)
+        local: dict[Value, str] = {}
+        lines = []
+        for value in order:
+            # A comparison has no name of its own, since it is no number.
+            if value.operation not in COMPARISONS and uses[value] > 1:
+                name = f"t{len(local) + 1}"
+                lines.append(self.assignment.format(name, _text(value, local, self)))
+                local[value] = name
         if self.declaration and local:
-            lines.insert(0, self.declaration.format(", ".join(local)))
+            lines.insert(0, self.declaration.format(", ".join(local.values())))
+        lines += [
+            f"{name} = {_text(value, local, self)}"
+            for name, value in zip(names, found, strict=True)
+        ]
         if not self.element:
             lines.append(f"return {', '.join(names)}")
         return "\n".join(map(self.line, lines))
-
-
-def printed(
-    function: Callable, arguments: Sequence, results: Sequence[str], language: Language
-) -> tuple:
-    """Trace a function, and return the names of its local variables and the statements that compute
-    its results; `results` are the names to which the first results are assigned.
-    """
-    found = function(*arguments)
-    found = [
-        constant(value)
-        for value in (found if isinstance(found, tuple | list) else [found])[: len(results)]
-    ]
-    order: dict[Value, None] = {}
-    uses = Counter(found)
-
-    def visit(value: Value) -> None:
-        if value not in order and value.operation not in ("symbol", "number"):
-            for one in value.operands:
-                uses[one] += 1
-                visit(one)
-            order[value] = None
-
-    for value in found:
-        visit(value)
-    local: dict[Value, str] = {}
-    lines = []
-    for value in order:
-        # A comparison has no name of its own, since it is no number.
-        if value.operation not in COMPARISONS and uses[value] > 1:
-            name = f"t{len(local) + 1}"
-            lines.append(language.assignment.format(name, _text(value, local, language)))
-            local[value] = name
-    lines += [
-        f"{name} = {_text(value, local, language)}"
-        for name, value in zip(results, found, strict=True)
-    ]
-    return list(local.values()), lines
 
 
 def _text(value: Value, local: dict[Value, str], language: Language, least: int = 0) -> str:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..kernels.branches import held, weight_of_bow, weights_of_ends
+from ..kernels.branches import NODES, SHARES, slowness, weight_of_bow, weights_of_ends
 from ..kernels.softening import softening_factor
 from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .memory import Branch, Softening, padded_knots
@@ -259,6 +259,19 @@ def on_way(begin: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
     return begin * ratios ** np.where(some, bent, share)
 
 
+def _held(rate: np.ndarray, other: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `pdsurrogate.kernels.branches.held` does, with all nodes at once."""
+    first, second, y = 3 * (rate - 1), 3 * (other - 1), step
+    for _ in range(4):
+        w = -np.expm1(-y)
+        x = w[..., None] * NODES
+        gained = (slowness(x, first[..., None], second[..., None]) - 1) / (1 - x) @ SHARES
+        y = np.maximum(y + (step - y - w * gained) / slowness(w, first, second), 0)
+    w = -np.expm1(-y)
+    r = slowness(w, first, second)
+    return y - np.log(r), w * r
+
+
 def advanced(
     states: np.ndarray, before: np.ndarray, step: np.ndarray, knots: np.ndarray | None = None
 ) -> Callable:
@@ -281,7 +294,7 @@ def advanced(
         return lambda after: unimodular(known + weight * after)
 
     if knots is None or not knots.size:
-        still, whole = held(rate, (states / before).sum(axis=-1) / 3, step)
+        still, whole = _held(rate, (states / before).sum(axis=-1) / 3, step)
         whole = whole / sum(weights_of_ends(still)[1:])
         _, *ends = weights_of_ends(2 * step)
 

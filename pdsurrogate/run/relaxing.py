@@ -105,6 +105,11 @@ class Relaxing(Equilibria):
         self._count(taken, greatest)
         return equilibrium
 
+    def _check(self, increments: Increments, reached: float, guess: np.ndarray) -> None:
+        # Parts of an increment that was divided for its overstress alone are not checked.
+        if increments.completes or self._telling:
+            super()._check(increments, reached, guess)
+
     def _accept(self, increments: Increments, before: Accepted) -> None:
         duration = increments.duration
         super()._accept(increments, before)

@@ -58,9 +58,9 @@ class Increments:
         return self._done == self._count
 
     @property
-    def whole(self) -> bool:
-        """True if a planned increment has just been completed."""
-        return self._done.is_integer()
+    def completes(self) -> bool:
+        """True if the present increment completes a planned one."""
+        return (self._done + self.share).is_integer()
 
     @property
     def ends(self) -> bool:

@@ -5,7 +5,7 @@ import time
 ENVIRONMENTS = {"felupe": ["felupe==11.3.0", "pypardiso==0.4.7"]}
 
 FORCES = {100.0: 1.24139, 1000.0: 1.25451}
-"""Force on a plate of side 1 by K / mu, from the finest meshes of two programs (`references`)."""
+"""Force on a plate of side 1 by K / mu, by finer elements; `cube-references` agree to 0.03 %."""
 
 
 def found(n, force, K, unknowns, began):
@@ -20,7 +20,7 @@ def found(n, force, K, unknowns, began):
     }
 
 
-def ours(n, K, force=None, precision=None, increment=0.2):
+def ours(n, K, **solver):
     """The package with n points along a side of the cube."""
     import pdsurrogate as pds
 
@@ -35,12 +35,12 @@ def ours(n, K, force=None, precision=None, increment=0.2):
             {"region": "bottom", "x2": 0.0},
             {"region": "back", "x3": 0.0},
         ],
-        "steps": [{"to": 1.0, "largest_increment": increment}],
-        "precision": precision,
+        "steps": [{"to": 1.0, "largest_increment": 0.2}],
+        "solver": solver,
     }
-    pds.simulate(pds.Scene(**scene | {"spacing": 0.125}), force)  # loads compiled code
+    pds.simulate(pds.Scene(**scene | {"spacing": 0.125}))  # loads compiled code
     began = time.process_time()
-    result = pds.simulate(pds.Scene(**scene), force)
+    result = pds.simulate(pds.Scene(**scene))
     return found(n, result.levels[-1]["forces"]["right"][0], K, result.body.points.size, began)
 
 
@@ -49,7 +49,49 @@ def graded(x, tuned):
     return 0.5 * (1 - (1 - 2 * x) ** 2) if tuned else x
 
 
-def felupe(n, K, quadratic=True, tuned=False, steps=5):
+def pulled(field, umat, boundaries, ends, tuned, steps):
+    """Force on the first of the boundaries that FElupe moves to the ends, by Newton's method."""
+    import felupe as fem
+
+    solid, more = fem.SolidBody(umat, field), {}
+    if tuned:
+        from pypardiso import spsolve
+
+        more["solver"] = spsolve
+    for step in range(1, steps + 1):
+        for name, end in ends.items():
+            boundaries[name].update(end * step / steps)
+        fixed, free = fem.dof.partition(field, boundaries)
+        given = fem.dof.apply(field, boundaries, fixed)
+        result = fem.newtonraphson(
+            items=[solid], x0=field, dof0=fixed, dof1=free, ext0=given, verbose=0, **more
+        )
+        field.link(result.x)
+    return float(fem.tools.force(field, result.fun, boundaries[next(iter(ends))])[0])
+
+
+def computed(lines, K, section, held, moved, tuned):
+    """Rows of figures that CalculiX prints for a deck of nodes, elements and sets of ALL."""
+    import subprocess
+
+    lines = [
+        *lines,
+        "*MATERIAL, NAME=RUBBER\n*HYPERELASTIC, NEO HOOKE",
+        f"0.5, {2 / K:.9g}",
+        f"*SOLID SECTION, ELSET=ALL, MATERIAL=RUBBER\n{section}*BOUNDARY\n{held}",
+        "*STEP, NLGEOM, INC=100\n*STATIC" + ("\n0.5, 1." if tuned else "\n0.2, 1."),
+        f"*BOUNDARY\n{moved}\n*NODE PRINT, NSET=POINT\nU",
+        "*NODE PRINT, NSET=END, TOTALS=ONLY\nRF\n*END STEP\n",
+    ]
+    with open("deck.inp", "w") as file:
+        file.write("\n".join(lines))
+    subprocess.run(["ccx", "-i", "deck"], check=True, stdout=subprocess.DEVNULL)
+    with open("deck.dat") as file:
+        rows = [line.split() for line in file if "." in line and "time" not in line]
+    return [[float(one) for one in row] for row in rows]
+
+
+def felupe(n, K, quadratic=True, tuned=False):
     """FElupe with n hexahedra along half a side: fields of displacement, pressure and volume."""
     import felupe as fem
     import numpy as np
@@ -77,20 +119,7 @@ def felupe(n, K, quadratic=True, tuned=False, steps=5):
         dUdJ=lambda J, K: K / 4 * (J - 1 / J) * (1 + 1 / J**2),
         d2UdJdJ=lambda J, K: K / 4 * (1 + 3 / J**4),
     )
-    solid, more = fem.SolidBody(umat, field), {}
-    if tuned:
-        from pypardiso import spsolve
-
-        more["solver"] = spsolve
-    for moved in np.linspace(0, 0.25, steps + 1)[1:]:
-        boundaries["move"].update(moved)
-        fixed, free = fem.dof.partition(field, boundaries)
-        given = fem.dof.apply(field, boundaries, fixed)
-        result = fem.newtonraphson(
-            items=[solid], x0=field, dof0=fixed, dof1=free, ext0=given, verbose=0, **more
-        )
-        field.link(result.x)
-    force = float(fem.tools.force(field, result.fun, boundaries["move"])[0])
+    force = pulled(field, umat, boundaries, {"move": 0.25}, tuned, 2 if tuned else 5)
     return found(n, force, K, sum(one.values.size for one in field.fields), began)
 
 
@@ -143,7 +172,6 @@ def dolfinx(n, K, degree=None, steps=5):
 def calculix(n, K, tuned=False):
     """CalculiX with n quadratic hexahedra with reduced integration along half a side."""
     import itertools
-    import subprocess
 
     began, ends = time.process_time(), range(2 * n + 1)
     number, lines = {}, ["*NODE, NSET=ALL"]
@@ -152,7 +180,7 @@ def calculix(n, K, tuned=False):
             number[place] = len(number) + 1
             at = (graded(one / (4 * n), tuned) for one in place)
             lines.append(", ".join([str(number[place]), *(f"{one:.9g}" for one in at)]))
-    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=CUBE")
+    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=ALL")
     ring = [(0, 0), (2, 0), (2, 2), (0, 2)]
     middle = [(1, 0), (2, 1), (1, 2), (0, 1)]
     corners = [(*at, z) for z, around in ((0, ring), (2, ring)) for at in around]
@@ -163,20 +191,9 @@ def calculix(n, K, tuned=False):
     for name, axis, value in (("X", 0, 0), ("Y", 1, 0), ("Z", 2, 0), ("END", 0, 2 * n)):
         lines.append(f"*NSET, NSET={name}")
         lines += [str(one) for place, one in number.items() if place[axis] == value]
-    lines += [
-        "*MATERIAL, NAME=RUBBER\n*HYPERELASTIC, NEO HOOKE",
-        f"0.5, {2 / K:.9g}",
-        "*SOLID SECTION, ELSET=CUBE, MATERIAL=RUBBER",
-        "*BOUNDARY\nX, 1, 1\nY, 2, 2\nZ, 3, 3\nEND, 2, 3",
-        "*STEP, NLGEOM, INC=100\n*STATIC" + ("\n0.5, 1." if tuned else "\n0.2, 1."),
-        "*BOUNDARY\nEND, 1, 1, 0.25",
-        "*NODE PRINT, NSET=END, TOTALS=ONLY\nRF\n*END STEP\n",
-    ]
-    with open("cube.inp", "w") as file:
-        file.write("\n".join(lines))
-    subprocess.run(["ccx", "-i", "cube"], check=True, stdout=subprocess.DEVNULL)
-    with open("cube.dat") as file:
-        force = float([line for line in file if line.strip()][-1].split()[0])
+    lines.append("*NSET, NSET=POINT\n1")
+    held = "X, 1, 1\nY, 2, 2\nZ, 3, 3\nEND, 2, 3"
+    force = computed(lines, K, "", held, "END, 1, 1, 0.25", tuned)[-1][0]
     row = found(n, force, K, 3 * len(number), began)
     del row["solving (s)"]
     return row
@@ -188,13 +205,12 @@ def rows(K, points, linear, full, fine, cells, fewer, bricks, wide):
     def tried(counts, **more):
         return [{"n": n, "K": K, **more} for n in counts]
 
-    learned = {"force": "neo-hookean-isochoric", "precision": "float32"}
     found = [
         ("pdsurrogate, defaults", "pdsurrogate", "ours", tried(points)),
-        ("pdsurrogate, learned energy, float32", "pdsurrogate", "ours", tried(points, **learned)),
+        ("pdsurrogate, tuned", "pdsurrogate", "ours", tried(points, tolerance=1e-3)),
         ("FElupe, trilinear", "felupe", "felupe", tried(linear, quadratic=False)),
         ("FElupe, triquadratic", "felupe", "felupe", tried(full)),
-        ("FElupe, triquadratic, tuned", "felupe", "felupe", tried(fine, tuned=True, steps=2)),
+        ("FElupe, triquadratic, tuned", "felupe", "felupe", tried(fine, tuned=True)),
         ("DOLFINx, Taylor-Hood", "debian", "dolfinx", tried(cells)),
         ("DOLFINx, Taylor-Hood, tuned", "debian", "dolfinx", tried(fewer, degree=4, steps=2)),
         ("CalculiX, C3D20R", "pdsurrogate", "calculix", tried(bricks)),
@@ -218,6 +234,7 @@ CASES = {
         "rows": rows(K, *series),
         "good": lambda figures, bound=bound: abs(figures["error (%)"]) < bound,
         "long": bound < 0.5,
+        "once": K > 100 and bound < 0.5,
     }
     for (K, bound), series in SERIES.items()
 } | {
