@@ -1,20 +1,31 @@
-"""Sheets with and without cuts in tension, of a material with a strength and a tearing energy:
-stretch at the peak of the load against the cut's length, the spacing and the force.
+"""Sheets without cuts, with cuts, holes and notches in tension, of a material with a strength and a
+tearing energy: stretch at break against length, spacing and force.
 
 python pipelines/strength.py            measures all tears; --help names other uses
 
 Lengths are in l_c = G / W_b, of a neo-Hookean sheet that breaks at a stretch of 4. Grips are
-rollers, so that a sheet without a cut is in uniaxial tension. On one core of 2 GHz all tears take
-some 20 minutes.
+rollers, so that a sheet without a cut is in uniaxial tension. Tears end past their peak. On one
+core of 2 GHz all take some two hours, half an hour of it the finite elements.
 """
 
-from cases import of_rows, report
+from dataclasses import replace
+from functools import partial
+from unittest.mock import patch
+
+import numpy as np
+import strength_elements as elements
+from cases import Study, ending_at, of_rows, percent, report, stored
+from matplotlib.figure import Figure
+from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 
-BULK, BREAK = 20.0, 4.0
-WORK = homogeneous.uniaxial(pds.materials.NeoHookean(1.0, BULK), BREAK).energy_density
+BULK, BREAK = elements.BULK, 4.0
+LAW = pds.materials.NeoHookean(1.0, BULK)
+WORK = homogeneous.uniaxial(LAW, BREAK).energy_density
+RADIUS = 0.287
+"""Radius of the discs."""
 
 UNCUT = [
     ("bond-energy", "lattice", 2.2, 0.18),
@@ -26,30 +37,42 @@ UNCUT = [
 ]
 """Force, arrangement of the points, horizon in spacings, and spacing of sheets without a cut."""
 
-CUTS = [
-    (0.1, 0.1, 3.6),
-    (0.1, 0.05, 3.6),
-    (0.2, 0.1, 3.2),
-    (0.2, 0.05, 3.2),
-    (0.5, 0.18, 2.5),
-    (0.5, 0.09, 2.5),
-    (0.5, 0.06, 2.5),
-    (1.0, 0.18, 1.9),
-    (1.0, 0.09, 1.9),
-    (2.0, 0.18, 1.5),
-]
-"""Length of the cut, spacing, and stretch at which the search for the first bond begins."""
-
-FINITE_ELEMENTS = {
-    0.1: (None, 3.87, 3.86),
-    0.2: (None, 3.59, 3.68),
-    0.5: (3.11, 2.87, 2.87),
-    1.0: (2.34, 2.29, 2.26),
-    2.0: (1.85, 1.84, 1.82),
+CUTS = {
+    0.05: ((1.2, 1.2), 3.9, (1, 2)),
+    0.1: ((1.6, 1.6), 3.8, (1, 2, 4)),
+    0.2: ((2.4, 2.4), 3.5, (1, 2, 4)),
+    0.5: ((5.0, 5.0), 2.7, (3, 5, 10)),
+    1.0: ((8.0, 8.0), 2.15, (6, 10, 16)),
+    2.0: ((12.0, 12.0), 1.75, (11, 14, 18)),
+    3.0: ((15.0, 15.0), 1.58, ()),
+    5.0: ((20.0, 20.0), 1.52, (28, 34, 40)),
+    7.0: ((20.0, 16.0), 1.5, ()),
+    10.0: ((24.0, 12.0), 1.55, ()),
+    14.0: ((30.0, 12.0), 1.62, ()),
+    20.0: ((36.0, 20.0), 1.5, (110, 130, 160)),
 }
-"""Stretch at break of an edge cut in a wide incompressible sheet by Griffith's law, by the rule,
-and by the coupled criterion, from finite elements, by the length of the cut.
+"""By length of an edge cut, sides of the sheet, stretch near the break, and columns of points that
+the cut separates, at several spacings.
 """
+
+HOLES = {
+    0.2: (3.2, 3.3, (0.1, 0.07, 0.05)),
+    0.5: (8.0, 2.7, (0.15, 0.1, 0.075)),
+    1.0: (16.0, 2.4, (0.18, 0.12, 0.09)),
+    2.0: (24.0, 2.2, (0.18, 0.12, 0.09)),
+    5.0: (30.0, 2.1, (0.18, 0.15, 0.12)),
+}
+"""By radius of a hole, side of the sheet, stretch near the break, and spacings."""
+
+NOTCHES = {
+    0.1: (1.7, (0.1, 0.07, 0.05)),
+    0.3: (1.7, (0.15, 0.1, 0.075)),
+    1.0: (1.9, (0.18, 0.12, 0.09)),
+    3.0: (2.4, (0.18, 0.12, 0.09)),
+}
+"""By radius of the round end of a notch, stretch near the break, and spacings."""
+DEEP, WIDE = 3.0, 12.0
+"""Depth of the notches, and sides of their sheets."""
 
 
 def sheet(spacing, size, stretches, **changes):
@@ -57,19 +80,33 @@ def sheet(spacing, size, stretches, **changes):
     scene = {
         "name": "sheet",
         "spacing": spacing,
+        "horizon_ratio": 2.2,
         "stretches": stretches,
         "body": {"shape": "rectangle", "size": size},
-        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": BULK},
+        "material": LAW.describe(),
         "grips": [
             {"edge": "bottom", "holds": "normal"},
             {"edge": "top", "holds": "normal", "travel": 1.0},
         ],
         "fracture": {"energy": WORK, "strength": {"stretch": BREAK}},
     }
+    if "steps" in changes:
+        del scene["grips"], scene["stretches"]
     force = changes.pop("force", "bond-energy")
     body = scene["body"] | changes.pop("body", {})
-    scene = pds.Scene.model_validate(scene | {"body": body} | changes)
-    return pds.simulate(scene, force).summary
+    with ending_at(max(12, round(1 / spacing))):
+        scene = pds.Scene.model_validate(scene | {"body": body} | changes)
+        result = pds.simulate(scene, force, threads=1)
+    return result.summary if scene.fracture else result.levels[-1]
+
+
+def figures_of(found):
+    """What broke the first bond, its stretch and that at the peak, and error of the energy in
+    percent.
+    """
+    crack = found["crack"]
+    at = (one.get("stretch") or 1 + one["t"] for one in (crack["start"], crack["peak"]))
+    return crack["start"].get("cause"), *at, found["quasi_static"]["greatest_energy_gap"]
 
 
 def uncut(force, arrangement, horizon, spacing):
@@ -77,36 +114,215 @@ def uncut(force, arrangement, horizon, spacing):
     body = {"arrangement": arrangement} | ({"seed": 1} if arrangement == "relaxed" else {})
     where = {"force": force, "body": body, "horizon_ratio": horizon}
     found = sheet(spacing, [1.3, 1.3], [3.8, 4.2], **where)
-    start = found["crack"]["start"]
     radius = found["strength"][0]["radius_in_spacings"]
-    gap = found["quasi_static"]["greatest_energy_gap"]
-    peak = start["cause"], start["stretch"] / BREAK, gap
-    yield force, arrangement, horizon, spacing, radius, *peak
+    cause, first, _, gap = figures_of(found)
+    yield force, arrangement, horizon, spacing, radius, cause, first / BREAK, gap
 
 
-def torn(length, spacing, start, side, **changes):
-    """A slow tear of a square sheet with an edge cut."""
-    cuts = [{"start": [-1.0, side / 2], "end": [length, side / 2]}]
-    return sheet(spacing, [side, side], [start, 1.2 * BREAK], precuts=cuts, **changes)
+def clamped(spacing):
+    """Pure shear between clamps, without strength at them: break over that of pure shear."""
+    work = [(one, homogeneous.pure_shear(LAW, one).energy_density) for one in (3.7, 3.8, 3.9, 4.0)]
+    expected = float(np.interp(WORK, *np.transpose(work)[::-1]))
+    fracture = {"energy": WORK, "strength": {"stretch": BREAK, "at_grips": False}}
+    grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+    found = sheet(
+        spacing, [6.0, 1.5], [0.94 * expected, 1.06 * expected], fracture=fracture, grips=grips
+    )
+    cause, first, _, gap = figures_of(found)
+    yield spacing, cause, expected, first / expected, gap
 
 
-def cut(length, spacing, start):
-    """An edge cut: stretch at the peak of the load, and what broke the first bond."""
-    found = torn(length, spacing, start, 10 * max(length, 0.3))
-    crack = found["crack"]
-    gap = found["quasi_static"]["greatest_energy_gap"]
-    peak = crack["start"]["cause"], crack["peak"]["stretch"]
-    yield length, spacing, *peak, *FINITE_ELEMENTS[length], gap
+def references(kind, length):
+    """Finite elements: stretch at break by Griffith's law or the edge's own strength, by the rule,
+    and by the coupled criterion.
+    """
+    if kind == "cut":
+        size, near, _ = CUTS[length]
+        body = elements.Sheet(elements.cut(length, size, min(0.05, length / 4)))
+        tip, inside, cut = length, lambda at: at[:, 0] > 0, length
+    elif kind == "hole":
+        side, near, _ = HOLES[length]
+        nodes = elements.notch(length, length, (side / 2, side), min(0.05, length / 8))
+        body, cut = elements.Sheet(nodes, quarter=True), None
+        tip, inside = length, lambda at: np.hypot(*at.T) > length
+    else:
+        near, _ = NOTCHES[length]
+        body = elements.Sheet(elements.notch(DEEP, length, (WIDE, WIDE), min(0.05, length / 8)))
+        tip, cut = DEEP, None
+
+        def inside(at):
+            x, y = at[:, 0] - DEEP + length, np.abs(at[:, 1])
+            return (at[:, 0] > 0) & ((x > 0) | (y > length)) & (np.hypot(x, y) > length)
+
+    levels = 1 + (near - 1) * np.array(
+        [*([] if cut else [0.55, 0.7]), 0.85, 0.93, 1, 1.08, 1.17, 1.3]
+    )
+    levels = [*levels[levels < BREAK - 0.01], *([1.002 * BREAK] if levels[-1] > BREAK else [])]
+    yield kind, length, *elements.onset(body, tip, levels, WORK, RADIUS, inside, cut)
+
+
+def factor(bulk):
+    """Factor c of discs by a long cut in a strip of a height of 8, at Griffith's load."""
+    law = pds.materials.NeoHookean(1.0, bulk)
+    work = homogeneous.uniaxial(law, BREAK).energy_density
+    known = np.linspace(1.7, 2.1, 401)
+    works = [homogeneous.uniaxial(law, one).energy_density for one in known]
+    with patch.object(elements, "BULK", bulk):
+        body = elements.Sheet(elements.cut(20.0, (44.0, 8.0), 0.05))
+        ((x, _, _),) = elements.pulled(body, 20.0, [float(np.interp(work / 8, works, known))])
+        W = body.stretched(x)[2][0] / work
+    means = [
+        next(body.means(W, [20.0], one, lambda at: at[:, 0] > 0)) for one in (RADIUS, 0.305, 0.32)
+    ]
+    radius = float(np.interp(-1.0, np.negative(means), (RADIUS, 0.305, 0.32)))
+    yield bulk, means[0], np.pi * radius
+
+
+def reference(kind, length):
+    """Figures of `references`, if stored."""
+    ((_, _, *found),) = stored("strength-references").get(f"{kind}, {length}", [[None] * 5])
+    return found
+
+
+def with_cut(length, columns, **changes):
+    """Spacing of a sheet with an edge cut, which is drawn half a spacing shorter than it acts, and
+    the summary of its tear; without fracture, the output at the only stretch.
+    """
+    size, near, _ = CUTS[length]
+    spacing = length / (columns + 0.125)
+    size = [2 * round(side / spacing / 2) * spacing for side in size]
+    drawn = {"start": [-1.0, size[1] / 2], "end": [length - spacing / 2, size[1] / 2]}
+    pull = {"stretches": [1 + 0.88 * (near - 1), 1 + 1.45 * (near - 1)], "precuts": [drawn]}
+    pull |= changes
+    return spacing, sheet(spacing, size, pull.pop("stretches"), **pull)
+
+
+def cut(length, columns):
+    """An edge cut."""
+    spacing, found = with_cut(length, columns)
+    yield length, spacing, *figures_of(found)
+
+
+def compared(length):
+    """A cut with a strength and without, and G at the peak over the one prescribed."""
+    columns = round(length / 0.178)
+    spacing, strong = with_cut(length, columns)
+    _, weak = with_cut(length, columns, fracture={"energy": WORK})
+    cause, _, peak, _ = figures_of(strong)
+    _, _, other, _ = figures_of(weak)
+    _, level = with_cut(length, columns, fracture=None, stretches=[peak])
+    rate = level["cracks"][0]["energy_release_rate"]  # none where a cut is too short for it
+    yield length, spacing, cause, peak, other, percent(peak, other), rate and rate / WORK
+
+
+def hole(radius, spacing):
+    """A quarter of a sheet with a round hole in its middle."""
+    side, near, _ = HOLES[radius]
+    half = round(side / 2 / spacing) * spacing
+    supports = [
+        {"region": "left", "x1": 0.0},
+        {"region": "bottom", "x2": 0.0},
+        {"region": "top", "x2": half},
+    ]
+    steps = [0.88 * (near - 1), 1.45 * (near - 1)]
+    void = [{"shape": "circle", "center": [0.0, 0.0], "radius": radius}]
+    where = {"holes": void, "prescribed": supports, "steps": steps}
+    found = sheet(spacing, [half, half], [], body={"lower": [0.0, 0.0]}, **where)
+    yield radius, spacing, *figures_of(found)
+
+
+def notch(radius, spacing):
+    """Half of a sheet with a notch of a round end."""
+    near, _ = NOTCHES[radius]
+    size = [round(side / spacing) * spacing for side in (WIDE, WIDE / 2)]
+    void = [{"shape": "circle", "center": [DEEP - radius, 0.0], "radius": radius}]
+    if radius < DEEP:
+        flat = {"lower": [-1.0, -1.0], "size": [1 + DEEP - radius, 1 + radius]}
+        void.append({"shape": "rectangle", **flat})
+    stretches = [1 + 0.88 * (near - 1), 1 + 1.45 * (near - 1)]
+    found = sheet(spacing, size, stretches, body={"lower": [0.0, 0.0]}, holes=void)
+    yield radius, spacing, *figures_of(found)
+
+
+def spacings(shapes):
+    """Cases of a table: every length at all its spacings."""
+    return [(length, one) for length, (*_, several) in shapes.items() for one in several]
+
+
+def beside(kind, study):
+    """A study with the figures of finite elements before the last column of its table."""
+    ((name, table),) = study.tables.items()
+
+    def text(figures):
+        rows = {
+            case: [[*row[:-1], *reference(kind, row[0]), row[-1]] for row in several]
+            for case, several in figures.items()
+        }
+        return table(rows)
+
+    return replace(study, tables={name: text})
+
+
+def draw():
+    """Stretch at break against the length of a cut."""
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.subplots()
+    lengths = [one for one, (*_, columns) in CUTS.items() if columns]
+    rows = np.array([reference("cut", one) for one in lengths], dtype=float)
+    names = "Griffith", "rule, finite elements", "coupled criterion"
+    for at, name, style in zip(rows.T, names, ("k--", "C0-", "C1-."), strict=True):
+        axes.semilogx(lengths, at, style, label=name)
+    tears = [row for several in stored("strength-cuts").values() for row in several]
+    for number, (mark, name) in enumerate(zip("s^o", ("coarse", "medium", "fine"), strict=True)):
+        at = [[row[0], row[4]] for row in tears if grade(row) == number]
+        if at:
+            axes.plot(*np.transpose(at), "C3" + mark, fillstyle="none", label=f"tears, {name}")
+    axes.set(xlabel="length of the cut / l_c", ylabel="stretch at break", ylim=(1, 4.2))
+    axes.legend()
+    figure.savefig(FIGURES / "strength-cuts.png", dpi=120)
+
+
+def grade(row):
+    """Number of the spacing of a cut, from coarse to fine."""
+    length, spacing, *_ = row
+    return CUTS[length][-1].index(round(length / spacing - 0.125))
 
 
 if __name__ == "__main__":
     columns = "force", "points", "horizon (spacings): g", "spacing (l_c): g", "R (spacings): .1f"
-    cuts = "cut (l_c): g", "spacing (l_c): g"
-    first, gap = "first bond by", "energy error (%): +.2f"
-    at_peak = "stretch at the peak: .3f"
-    elements = "Griffith: .2f", "rule: .2f", "coupled criterion: .2f"
+    spacing, first, gap = "spacing (l_c): .3g", "first bond by", "energy error (%): +.2f"
+    found = first, "first bond: .3f", "peak: .3f"
+    others = "rule: .2f", "coupled criterion: .2f"
+    lengths = [(one,) for one in CUTS if one >= 1]
+    both = "peak: .3f", "without strength: .3f", "change (%): +.2f", "G / prescribed: .2f"
+    kinds = {"cut": CUTS, "hole": HOLES, "notch": NOTCHES}
+    elementary = {
+        f"{kind}, {one}": partial(references, kind, one)
+        for kind, shapes in kinds.items()
+        for one in shapes
+    }
+    shear = "of pure shear: .3f", "over it: .3f"
+    head = {
+        "cut": ("cut (l_c): g", spacing, *found, "Griffith: .2f", *others, gap),
+        "hole": ("radius (l_c): g", spacing, *found, "edge: .2f", *others, gap),
+        "notch": ("radius (l_c): g", spacing, *found, "edge: .2f", *others, gap),
+    }
     report(
         __doc__,
         of_rows("strength-uncut", uncut, UNCUT, *columns, first, "over break: .3f", gap),
-        of_rows("strength-cuts", cut, CUTS, *cuts, first, at_peak, *elements, gap),
+        of_rows(
+            "strength-clamped", clamped, [(0.18,), (0.09,), (0.06,)], spacing, first, *shear, gap
+        ),
+        of_rows("strength-factor", factor, [(20.0,), (2000.0,)], "K / μ: g", "mean: .3f", "c: .3f"),
+        Study("strength-references", elementary, {}),
+        *(
+            beside(kind, of_rows(name, one, spacings(kinds[kind]), *head[kind]))
+            for kind, name, one in (
+                ("cut", "strength-cuts", cut),
+                ("hole", "strength-holes", hole),
+                ("notch", "strength-notches", notch),
+            )
+        ),
+        of_rows("strength-long", compared, lengths, head["cut"][0], spacing, first, *both),
     )
+    draw()

@@ -384,6 +384,48 @@ def test_a_slow_tear_without_a_cut_begins_in_one_disc_at_the_strength():
     assert summary["strength"][0]["radius_in_spacings"] > 1.5
 
 
+def failing_in_equilibrium(stretch, fracture=SHEET["fracture"], **changes):
+    """What breaks in the equilibrium of the elastic sheet at a stretch."""
+    data = {key: value for key, value in SHEET.items() if key not in ("dynamics", "fracture")}
+    data |= {"stretches": [stretch], **changes}
+    elastic = pds.simulate(pds.Scene.model_validate(data), "bond-energy", threads=1)
+    run = started(pds.Scene.model_validate(data | {"fracture": fracture}))
+    run.positions[:] = run.body.points + elastic.displacement()
+    run.loading.apply(stretch, run.force, run.positions)
+    run.force.place(run.positions)
+    return run.damage.failing(run.force)
+
+
+def test_pure_shear_between_clamps_breaks_at_the_strength_away_from_them():
+    """Where pure shear has the work at break, within 2 %."""
+    expected = scipy.optimize.brentq(
+        lambda one: homogeneous.pure_shear(LAW, one).energy_density - WORK, 3, 4
+    )
+    changes = {
+        "spacing": 0.18,
+        "body": {"shape": "rectangle", "size": [4.0, 1.44]},
+        "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1}],
+        "fracture": {"energy": WORK, "strength": {"stretch": 4.0, "at_grips": False}},
+    }
+    assert len(failing_in_equilibrium(0.98 * expected, **changes).pairs) == 0
+    assert failing_in_equilibrium(1.02 * expected, **changes).by_strength.any()
+
+
+def test_a_cut_of_a_fifth_of_the_length_breaks_as_by_finite_elements():
+    """At 3.55 by the rule (`pipelines/strength_elements.py`), where Griffith's law has no break
+    below the strength; a cut acts half a spacing longer than drawn.
+    """
+    spacing = 0.2 / 1.125
+    side = 14 * spacing
+    drawn = {"start": [-1.0, side / 2], "end": [0.2 - spacing / 2, side / 2]}
+    body = {"shape": "rectangle", "size": [side, side]}
+    changes = {"spacing": spacing, "body": body, "precuts": [drawn]}
+    assert len(failing_in_equilibrium(0.96 * 3.55, **changes).pairs) == 0
+    found = failing_in_equilibrium(1.04 * 3.55, **changes)
+    assert len(found.pairs) > 0
+    assert found.by_strength.all()
+
+
 @pytest.mark.slow
 def test_a_killed_tear_by_strength_resumes_to_the_same_bits(tmp_path, monkeypatch):
     """Fronts, broken bonds and the time of the next search are those of the checkpoint."""
