@@ -31,7 +31,8 @@ def with_material(scene: Scene, reference: str | Path | None) -> tuple[Scene, Fo
     default material takes the law on the artifact's card, with these moduli:
 
     * moduli identified from test data with a unit are converted to the scene's unit of stress, and
-      relaxation times, in seconds, to its unit of time;
+      relaxation times, in seconds, to its unit of time; a scene without such a unit of stress is
+      refused;
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
     * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is
       that of the scene.
@@ -94,6 +95,8 @@ def with_material(scene: Scene, reference: str | Path | None) -> tuple[Scene, Fo
         try:
             described = material_on(card, scene)
             model.check_material(described)
+        except SceneError:  # a unit of stress is missing
+            raise
         except ValueError:  # the model contradicts its own card
             raise SceneError(f"scene {scene.name}: {error}") from None
         if own is not None and not is_example:

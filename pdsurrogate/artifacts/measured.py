@@ -39,11 +39,25 @@ Given = TypeVar("Given", bound=Criterion)
 
 
 def unit_of_stress(card: Card, scene: Scene) -> float:
-    """Return the unit of stress of a card in that of a scene; 1 if one of them is not known."""
+    """Return the unit of stress of a card in that of a scene; 1 if the tests state none.
+
+    Raises
+    ------
+    SceneError
+        If the tests state one, and that of the scene cannot be converted to.
+    """
     tests = card.training.get("identification") or {}
     unit = tests.get("stress_unit", "MPa" if tests.get("data") in DATA_OF_THE_PACKAGE else None)
-    known = unit in PASCALS and scene.units.stress in PASCALS
-    return PASCALS[unit] / PASCALS[scene.units.stress] if known else 1.0
+    wanted = scene.units.stress
+    if unit is None or unit == wanted:
+        return 1.0
+    if unit in PASCALS and wanted in PASCALS:
+        return PASCALS[unit] / PASCALS[wanted]
+    choice = ", ".join(PASCALS if unit in PASCALS else [unit])
+    raise SceneError(
+        f"scene {scene.name}: units.stress must be one of {choice}, to convert stresses of"
+        f" {card.name}@{card.version} from {unit}, not {wanted or 'left out'}"
+    )
 
 
 def with_measured(scene: Scene, card: Card | None) -> Scene:

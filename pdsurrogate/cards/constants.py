@@ -128,7 +128,10 @@ def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     C01 = first.get("C01", 0.0)
     keys: dict[str, Any] = {}
     if "chains" in first:
-        keys = {"law": "arruda-boyce", "chain_links": first.get("links") or first["lock"] ** 2}
+        links = first.get("links") or max(first.get("lock", 0.0), 0.0) ** 2
+        if not links > 0:
+            raise ValueError("its locking stretch or number of links must be positive")
+        keys = {"law": "arruda-boyce", "chain_links": links}
         modulus = first["chains"] * series_modulus(keys["chain_links"])
     elif "Jm" in first:
         keys = {"law": "gent", "chain_limit": first["Jm"]}
@@ -138,8 +141,9 @@ def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
         pairs = [(m / (POWERS[name](a) or 1.0), a) for m, a in terms if m]
         modulus = sum(m * a for m, a in pairs) / 2
         moduli, exponents = ([pair[k] for pair in pairs] for k in range(2))
-        if exponents in ([2], [2, -2]):
-            C[0], C01 = moduli[0] / 2, -sum(moduli[1:]) / 2
+        if exponents in ([2], [-2], [2, -2]):
+            of = dict(zip(exponents, moduli, strict=True))
+            C[0], C01 = of.get(2, 0.0) / 2, -of.get(-2, 0.0) / 2
         else:
             keys = {"law": "ogden", "moduli": moduli, "exponents": exponents}
     if any(C[3:]) or (C01 and any(C[1:])):
@@ -159,5 +163,10 @@ def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     if D := first.get("D"):
         K = 2 / D
     if nu := first.get("nu"):
+        if not 0 < nu < 0.5:
+            raise ValueError(
+                f"Poisson's ratio is {nu:g}, which must be between 0 and 0.5; LS-DYNA takes a"
+                " negative one as |PR| with damage, which no law here has"
+            )
         K = 2 * modulus * (1 + nu) / (3 * (1 - 2 * nu))
     return keys | ({"bulk_modulus": K} if K else {})

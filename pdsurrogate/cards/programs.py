@@ -8,7 +8,8 @@ from importlib import resources
 from typing import Any, NamedTuple
 
 from ..arguments import suggestion
-from .constants import law_keys
+from ..materials import LAWS
+from .constants import constants_of, law_keys
 
 PER_TERM = ("C", "D", "mu", "mu_1", "mu_2", "alpha")
 """Constants of `constants_of` of which a law has one for every term."""
@@ -45,6 +46,9 @@ class Form:
         Number that the head must state, if it states one.
     whole : str
         Constant that must be a whole number.
+    other : str
+        What else the program has for the law, with other constants: a convention must then name
+        the law as the program does.
     """
 
     law: str
@@ -58,6 +62,7 @@ class Form:
     most: int = 0
     only: int = 0
     whole: str = ""
+    other: str = ""
 
     def fields(self, terms: int) -> list[list[Field]]:
         """Return the fields of every row for a number of terms."""
@@ -93,10 +98,15 @@ class Program:
         Between the fields of a row.
     width, per_row, digits : int
         Width of a field, if fixed; most fields in a row; digits of a number.
-    heads, names, rows, ends, refused : str
+    heads, names, rows, ends, refused, beside : str
         Regular expressions of lines without blanks, in upper or lower case: heads of materials,
         with ``{keys}`` for the names of all forms; lines that name a material; rows; lines that end
-        rows; lines of models that the laws here have not.
+        rows; lines of models that the laws here have not, and of what is left out with a remark,
+        wherever they are if they have the name of the material.
+    line, comments : str
+        Regular expressions of what counts as a line, and of comments within and across lines.
+    longest : int
+        Characters of a number that CalculiX reads.
     skip : int
         Lines between the head and the rows.
     softening : str
@@ -124,6 +134,10 @@ class Program:
     names: str = ""
     rows: str = ""
     refused: str = ""
+    beside: str = ""
+    line: str = "(?m)^.*$"
+    comments: str = ""
+    longest: int = 0
     skip: int = 0
     softening: str = ""
 
@@ -186,12 +200,13 @@ def keys_of_constants(convention: str, law: str, given: Mapping[str, float]) -> 
     law : str
         Name of the law here.
     given : mapping of float
-        Constants by their names in the program; those that are left out are 0.
+        Constants by their names in the program, all but that of the volume.
 
     Raises
     ------
     ValueError
-        If the program has no such law or constant; the message says what it has.
+        If the program has no such law or constant, or the law needs more, or is another one with
+        these; the message says what it has.
 
     Examples
     --------
@@ -203,7 +218,10 @@ def keys_of_constants(convention: str, law: str, given: Mapping[str, float]) -> 
     if convention not in programs:
         choice = suggestion(convention, sorted(programs))
         raise ValueError(f"unknown convention {convention!r}; {choice}")
-    forms = programs[convention].forms
+    own = programs[convention].forms
+    forms = {form.keys[0] if form.other else law: form for law, form in own.items()}
+    if law in own and law not in forms:
+        raise ValueError(f"{own[law].other}: write law = {own[law].keys[0]!r} if it is that one")
     if law not in forms:
         choice = suggestion(law, sorted(forms), "it has")
         raise ValueError(f"{convention} has no law {law!r}; {choice}")
@@ -217,13 +235,25 @@ def keys_of_constants(convention: str, law: str, given: Mapping[str, float]) -> 
     labels = [each.label for each in fields]
     for key, value in given.items():
         if key not in labels:
-            choice = suggestion(key, labels, "it has")
+            first = f"{key}1"
+            choice = f"write {first}" if first in labels else suggestion(key, labels, "it has")
             raise ValueError(f"{law} of {convention} has no constant {key!r}; {choice}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{key} must be a number, not {value!r}")
-    terms = 1 + max((each.term for each in fields if each.label in given), default=0)
+    used = (each.term for each in fields if each.label in given and each.name != "D")
+    terms = form.terms or 1 + max(used, default=0)
+    typical = constants_of(LAWS[form.law]())
     values: dict[str, list[float]] = {}
     for each in fields:
-        if each.term < terms:
-            values.setdefault(each.name, []).append(float(given.get(each.label, 0.0)))
-    return law_keys(values)
+        if each.name == "D" and each.term and each.label in given:
+            raise ValueError(f"{each.label}: the laws here have one volumetric term: leave it out")
+        if each.term >= terms:
+            continue
+        needed = each.name not in ("K", "D", "nu") and any(typical[each.name])
+        if needed and each.label not in given:
+            raise ValueError(f"{law} of {convention} needs {each.label} as well")
+        values.setdefault(each.name, []).append(float(given.get(each.label, 0.0)))
+    keys = law_keys(values)
+    if keys["law"] != form.law != "ogden":
+        raise ValueError(f"these constants are of {keys['law']}, not {law}")
+    return keys

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -105,9 +105,14 @@ def read_text(text: str, source: str, name: str = "") -> tuple[dict, Form, tuple
 def _lines(program: Program, text: str) -> Iterator[_Line]:
     """Yield the lines that are not comments."""
     mark = program.comment.split("{}")[0].strip()
-    for number, line in enumerate(text.splitlines(), start=1):
-        content = line.partition(mark)[0]
-        if content.strip() or not line.strip():
+    if program.comments:
+        text = re.sub(program.comments, lambda found: "\n" * found[0].count("\n"), text)
+    number, last = 1, 0
+    for found in re.finditer(program.line, text):
+        number += text.count("\n", last, found.start())
+        last = found.start()
+        content = found[0].partition(mark)[0]
+        if content.strip() or not found[0].strip():
             yield _Line(number, content, re.sub(r"\s", "", content))
 
 
@@ -139,22 +144,37 @@ def _read(
         )
     form = program.form_of(head.parts["key"] or "")
     stated = int(head.parts.get("terms") or 0)
+    if form.terms and head.parts.get("terms") == "":
+        raise ValueError(f"state the number of terms of {form.keys[0]} in its line")
     if form.only and stated not in (0, form.only):
         raise ValueError(f"{form.keys[0]} is read with {form.only} terms, not with {stated}")
     begins = [at for at, line in enumerate(lines) if _matched(program.names, line)] or heads
     begin = max((at for at in begins if at <= head.at), default=head.at)
     end = min((at for at in begins if at > head.at), default=len(lines))
     keys: dict[str, Any] = {}
-    for line, following in pairwise([*lines[begin:end], _Line(0, "", "")]):
-        if _matched(program.refused, line):
-            raise ValueError(line.number, f"{line.text.strip()} means what no law here does")
-        if program.softening and line.compact.upper() == compact(program.softening):
-            numbers = [_number(following.number, one) for one in following.text.split(",")]
-            keys["softening"] = dict(zip(("r", "m", "beta"), [*numbers, 0.0], strict=False))
-    rest = lines[head.at + 1 + program.skip + bool(head.parts.get("title")) :]
-    ends = (at for at, line in enumerate(rest) if _matched(program.ends, line))
-    texts = _texts(program, rest[: next(ends, len(rest))])
     remarks = []
+
+    def is_of(pattern: str, at: int) -> bool:
+        found = _matched(pattern, lines[at])
+        if found is None:
+            return False
+        name, own = found.groupdict().get("name"), head.parts.get("name")
+        return begin <= at < end if name is None else name == own or "" in (name, own)
+
+    for at, line in enumerate(lines):
+        if is_of(program.refused, at):
+            raise ValueError(line.number, f"{line.text.strip()} means what no law here does")
+        if is_of(program.beside, at):
+            remarks.append(f"line {line.number}: {line.text.strip()} is left out")
+        if is_of(re.escape(compact(program.softening)), at):
+            keys["softening"] = _softening(line, _rows(program, lines[at + 1 :]))
+    start = head.at + 1 + program.skip + bool(head.parts.get("title"))
+    texts = _texts(program, _rows(program, lines[start:]))
+    for number, text in texts.values():
+        if program.longest and len(text) > program.longest:
+            remarks.append(
+                f"line {number}: of {text}, CalculiX would read {text[: program.longest]} alone"
+            )
     values: dict[str, list[float]] = {}
     used = 0
     unstated = 0 if "terms" in head.parts else form.most
@@ -184,6 +204,21 @@ def _read(
     keys |= law_keys(values)
     built(keys)  # the law checks its parameters
     return keys, form, tuple(remarks)
+
+
+def _rows(program: Program, lines: Sequence[_Line]) -> list[_Line]:
+    """Return the lines before one that ends rows."""
+    return list(takewhile(lambda line: not _matched(program.ends, line), lines))
+
+
+def _softening(keyword: _Line, lines: Sequence[_Line]) -> dict[str, float]:
+    """Return r, m and beta of the lines below a keyword."""
+    rows = [line for line in lines if line.compact]
+    cells = [*",".join(line.text for line in rows).split(","), ""]
+    if len(rows) != 1 or any(cell.strip() for cell in cells[3:]):
+        raise ValueError(keyword.number, "one row of r, m and beta is read, without temperatures")
+    numbers = [_number(rows[0].number, cell.strip()) for cell in cells]
+    return dict(zip(("r", "m", "beta"), numbers, strict=False))
 
 
 def _texts(program: Program, lines: Sequence[_Line]) -> dict[Any, tuple[int, str]]:

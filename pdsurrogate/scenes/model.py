@@ -288,6 +288,8 @@ def _of_program(given: dict[str, Any]) -> dict[str, Any]:
 
         source = str(given.pop("convention"))
         keys = keys_of_constants(source, str(given.pop("law", "")), given)
+        if "bulk_modulus" in own and "bulk_modulus" in keys:
+            raise ValueError("the constants state a bulk modulus: leave bulk_modulus out")
     keys |= own
     if "bulk_modulus" not in keys:
         raise ValueError(f"{source} states no bulk modulus: give bulk_modulus")

@@ -270,6 +270,7 @@ CASES = {
                 [{"law": "MooneyRivlin"}],
             ),
         ],
+        "once": True,
     },
     "rates": {
         "columns": dict.fromkeys([f"at {rate} (%)" for rate in RATES], ".1f"),

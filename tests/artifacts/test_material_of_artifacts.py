@@ -70,6 +70,11 @@ def test_moduli_that_were_identified_come_along(store):
         found = changed.material.build()
         assert found.shear_modulus == pytest.approx(0.27 * factor, rel=1e-12)
         assert found.bulk_modulus == pytest.approx(54.0 * factor, rel=1e-12)
+    psi = store("psi", law, {"data": "mine.csv", "stress_unit": "psi", "law": law.describe()})
+    for unit in ("kpa", None):
+        other = scene.model_copy(update={"units": pds.scenes.model.Units(stress=unit)})
+        with pytest.raises(SceneError, match=r"units\.stress must be one of Pa, .* from psi, not"):
+            with_material(other, psi)
     terms = pds.materials.Ogden(moduli=(0.63, 0.0012, -0.01))
     changed, model = with_material(
         scene, store("terms", terms, {"data": "treloar", "law": terms.describe()})

@@ -121,6 +121,21 @@ def test_the_refusal_of_branches_states_how_they_relax():
         card_of(law, "abaqus-card", "RUBBER")
 
 
+@pytest.mark.parametrize(
+    "law",
+    [
+        M.MooneyRivlin(0.4, 40.0, second_share=1.0),
+        M.Ogden(moduli=(1.0, -0.2), exponents=(2.0, -2.0)),
+        M.Yeoh(second=0.0, third=0.0),
+    ],
+)
+def test_laws_that_are_another_one_are_written(law, tmp_path):
+    again = built(read_card(written(law, "ls-dyna", tmp_path))[0])
+    for stretch in (0.7, 1.6):
+        found, wanted = (M.homogeneous.uniaxial(one, stretch) for one in (again, law))
+        assert found.nominal_stress == pytest.approx(wanted.nominal_stress, rel=1e-5)
+
+
 class Own(M.NeoHookean):
     pass
 
@@ -167,6 +182,13 @@ READ = {
     '<material id="2" type="Gent">\n<G>0.4</G>\n<Jm>60</Jm>\n<k>40</k>\n<density>1</density>': (
         EXAMPLES["gent"]
     ),
+    "<Material><material name='a' type='Mooney-Rivlin'><!-- b --> <c1>.1</c1><c2>.1</c2><!--\n"
+    "<c1>9</c1> --><k>40</k></material><x/></Material>": M.MooneyRivlin(
+        0.4, 40.0, second_share=0.5
+    ),
+    "@Behaviour Signorini;\n@Parameter C01 = 0.2; // mu/2\n/*\n@Parameter C10 = 0.1;\n*/\n"
+    "@Parameter K = 40;\n": EXAMPLES["neo-hookean"],
+    "TB,PRONY,2,1,1\nTBDATA,1,.5,1\nTB,HYPER,1,1,2,NEO\nTBDATA,1,.4,.05\n": EXAMPLES["neo-hookean"],
 }
 
 
@@ -206,6 +228,20 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
             "line 5: 2 is a",
         ),
         ('<material id="2" type="Gent">\n<G lc="1">1</G>\n</material>', "line 2: .* is not read"),
+        (
+            "<material type='Gent'><k>1</k></material>\n<material\nname='b' type='Gent'>",
+            "name one",
+        ),
+        ("*MAT_077_O\n1, 1., -.49\n.2\n3.\n", "line 1: Poisson's ratio is -0.49"),
+        ("*MAT_077_H\n1, 1., .5\n.2, .1\n", "line 1: Poisson's ratio is 0.5"),
+        ("*MAT_127\n1, 1., 40., .4\n", "line 1: its locking stretch or number of links"),
+        ("*HYPERELASTIC, ARRUDA-BOYCE\n.3\n", "line 1: its locking stretch"),
+        ("TB,PRONY,1,1,1\nTB,HYPER,1,1,2,NEO\nTBDATA,1,.4,.05", "line 1: TB,PRONY"),
+        ("TB,HYPER,1,1,,YEOH\nTBDATA,1,.4", "line 1: state the number of terms of YEOH"),
+        (HEAD + ".2, .05\n*MULLINS EFFECT\n2.,.1,0.,20.\n", "line 4: one row of r, m and beta"),
+        (HEAD + ".2, .05\n*MULLINS EFFECT\n2.,.1,0.\n1.,.1,0.\n", "line 4: one row of r"),
+        (HEAD + ".2, .05\n*ANISOTROPIC HYPERELASTIC, HOLZAPFEL\n", "line 4: .*ANISOTROPIC"),
+        ("/VISC/PRONY/1\n/MAT/LAW42/1\nr\n", "line 1: /VISC/PRONY/1"),
         ("/MAT/LAW42/1\nr\n1.\n0.49\n1.\n2.\n2.\n4.\n", "line 6: 2. is of"),
     ],
 )
@@ -225,6 +261,13 @@ def test_what_a_card_states_beside_is_named(tmp_path):
     assert read_card(path)[2] == (
         "line 2: 20. is left out",
         "D2 and further are left out, 2.0% of the pressure at J = 0.9",
+    )
+    long = "0.2000000000000000000D-2"
+    path.write_text(HEAD + f"{long}, .05\n*EXPANSION\n1.\n*DAMAGE INITIATION\n*ELEMENT\n")
+    assert read_card(path)[2] == (
+        "line 4: *EXPANSION is left out",
+        "line 6: *DAMAGE INITIATION is left out",
+        f"line 3: of {long}, CalculiX would read {long[:20]} alone",
     )
 
 
