@@ -122,14 +122,14 @@ def write_tables(study):
 @contextmanager
 def ending_at(bonds):
     """Slow tears end as if separated once they have broken so many bonds: past their peak."""
-    whole = Tearing._break
+    whole = Tearing.break_bonds
 
     def part(tear, pairs, cause):
         found = whole(tear, pairs, cause)
         tear.through |= tear.run.state.crack["broken_bonds"] >= bonds
         return found
 
-    with patch.object(Tearing, "_break", part):
+    with patch.object(Tearing, "break_bonds", part):
         yield
 
 
