@@ -14,8 +14,6 @@ in the last refinement of the mesh. Others are closed or the radial equation of 
 bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

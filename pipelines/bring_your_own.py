@@ -7,8 +7,6 @@ Every regressor is fitted to the bond force of Ogden's rubber, behind the two is
 stored as an artifact, and runs the scene ``uniaxial`` to a stretch of 2.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 import warnings

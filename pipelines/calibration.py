@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from cases import of_rows, report
+from cases import CLAMPS, of_rows, report
 from pages import FIGURES
 
 import pdsurrogate as pds
@@ -42,11 +42,10 @@ def scene(spacing):
         "body": {"size": [2.0, 3.0]},
         "holes": holes,
         "material": "gent",
+        "grips": CLAMPS,
+        "stretches": [1.1, 1.2, 1.3, 1.4, 1.5],
     }
-    grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
-    return pds.Scene.model_validate(
-        {**sheet, "grips": grips, "stretches": [1.1, 1.2, 1.3, 1.4, 1.5]}
-    )
+    return pds.Scene.model_validate(sheet)
 
 
 def measurements(law, noise, seed):

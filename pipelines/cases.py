@@ -5,8 +5,6 @@ Figures of a study go to docs/figures/NAME.json case by case, so that cases can 
 one, and from there into the blocks of the pages of docs/validation.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time
@@ -45,10 +43,15 @@ class Study:
     tables: Mapping[str, Callable[[Figures], str]]
 
 
-def of_rows(name, measure, cases, *columns):
+def rows_of(figures):
+    """Rows of all cases."""
+    return [row for rows in figures.values() for row in rows]
+
+
+def of_rows(name, measure, cases, *columns, rows=rows_of):
     """A study of one table: `measure` takes the parameters of a case and gives its rows, and
     `columns` are titles, with a format after a colon. The name of a case has its
-    texts and numbers.
+    texts and numbers. `rows` gives those of the table of all figures, if these are others.
     """
     named = {
         ", ".join(str(one) for one in case if isinstance(one, str | int | float)): partial(
@@ -59,8 +62,8 @@ def of_rows(name, measure, cases, *columns):
     titles, _, forms = zip(*(column.partition(": ") for column in columns), strict=True)
 
     def table(figures):
-        rows = [row for rows in figures.values() for row in rows]
-        return markdown_table(list(titles), [list(map(shown, row, forms)) for row in rows])
+        lines = [list(map(shown, row, forms)) for row in rows(figures)]
+        return markdown_table(list(titles), lines)
 
     return Study(name, named, {name: table})
 
@@ -119,15 +122,32 @@ def write_tables(study):
 @contextmanager
 def ending_at(bonds):
     """Slow tears end as if separated once they have broken so many bonds: past their peak."""
-    whole = Tearing._break
+    whole = Tearing.break_bonds
 
     def part(tear, pairs, cause):
         found = whole(tear, pairs, cause)
         tear.through |= tear.run.state.crack["broken_bonds"] >= bonds
         return found
 
-    with patch.object(Tearing, "_break", part):
+    with patch.object(Tearing, "break_bonds", part):
         yield
+
+
+@contextmanager
+def drawing(name, size, dpi=150):
+    """Context with the axes of a figure of the documentation, which gets a legend."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots()
+    yield axes
+    axes.legend()
+    figure.savefig(FIGURES / f"{name}.png", dpi=dpi)
+
+
+CLAMPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+ROLLERS = [{**one, "holds": "normal"} for one in CLAMPS]
+"""Grips that pull a body up."""
 
 
 Errors = Iterable[tuple[str, float, int]]

@@ -10,13 +10,10 @@ On one core of 2 GHz all parts take some 25 minutes, 18 of them the trouser tear
 from functools import cache
 
 import numpy as np
-from cases import of_rows, percent, plane_strain_modulus, report
+from cases import CLAMPS, ROLLERS, of_rows, percent, plane_strain_modulus, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-
-GRIPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
-SLIDING = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
 
 def sheet(size, spacing, tip, plane, bulk_modulus, **more):
@@ -57,7 +54,9 @@ def rate(level):
 
 def strip(points):
     """A long crack in a clamped strip releases W h."""
-    scene = sheet((9.0, 2.0), 2.0 / points, 4.5, "stress", 100.0, stretches=[1.3, 2.0], grips=GRIPS)
+    scene = sheet(
+        (9.0, 2.0), 2.0 / points, 4.5, "stress", 100.0, stretches=[1.3, 2.0], grips=CLAMPS
+    )
     levels, law = pds.simulate(scene, "bond-energy").levels, scene.material.build()
     exact = [2 * homogeneous.pure_shear(law, level["stretch"]).energy_density for level in levels]
     yield points, *(percent(rate(level), g) for level, g in zip(levels, exact, strict=True))
@@ -87,7 +86,7 @@ def notch(plane, bulk):
     spacing, levels = 0.02, []
     for step in (-1, 0, 1):
         # A cut that ends between the places where bonds cross it grows by whole spacings.
-        tip, more = 0.402 + step * spacing, {"stretches": STRETCHES, "grips": SLIDING}
+        tip, more = 0.402 + step * spacing, {"stretches": STRETCHES, "grips": ROLLERS}
         scene = sheet((2.0, 2.0), spacing, tip, plane, bulk, **more)
         levels.append(pds.simulate(scene, "bond-energy").levels)
     for shorter, level, longer in zip(*levels, strict=True):

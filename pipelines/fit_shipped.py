@@ -10,8 +10,6 @@ the processor and the libraries: the check fails where forces or stresses over t
 more than the cards state.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -8,8 +8,6 @@ The properties that every force model must have are in `pdsurrogate.testing`, wh
 is tested.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial

@@ -12,7 +12,7 @@ On one core of 2 GHz all tears take some 10 minutes.
 """
 
 import scipy
-from cases import of_rows, report
+from cases import CLAMPS, of_rows, report
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -59,7 +59,7 @@ def tear(force, ratio, rows, stiffer, interface, layers):
         "regions": {"upper": {"box": [[-1.0, 0.5], [5.0, 2.0]]}},
         "material": laws[0],
         "materials": [{"region": "upper", "material": laws[1]}],
-        "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+        "grips": CLAMPS,
         "fracture": layers | {"interfaces": [{"between": ["upper", "rest"]} | interface]},
         "dynamics": {
             "stretch": 2.0,

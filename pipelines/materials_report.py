@@ -4,8 +4,6 @@ python pipelines/materials_report.py                   measures all, and draws t
 python pipelines/materials_report.py identification    one of identification, published and laws
 """
 
-from __future__ import annotations
-
 from cases import of_rows, report
 from clock import TimedModel, measure_speed, sheet
 from pages import FIGURES

@@ -10,9 +10,7 @@ import math
 
 import numpy as np
 import scipy
-from cases import of_rows, percent, report, stored
-from matplotlib.figure import Figure
-from pages import FIGURES
+from cases import CLAMPS, ROLLERS, drawing, of_rows, percent, report, rows_of, stored
 
 import pdsurrogate as pds
 from pdsurrogate.materials import PLANES, homogeneous
@@ -85,10 +83,6 @@ def uniform(state, spacing, dimension):
     start = summary["crack"]["start"]
     found = float(stress_at(1 + start["t"] / side))
     yield state, dimension, spacing, start["cause"], found, strength, percent(found, strength)
-
-
-CLAMPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
-ROLLERS = [{**one, "holds": "normal"} for one in CLAMPS]
 
 
 def pure_shear(height, spacing, **keys):
@@ -268,19 +262,14 @@ def fields(name, *given):
     return (chip if name == "chip" else rod)(*given)
 
 
-def draw():
+def draw(axes):
     """Stress at the peak against the length of the notch."""
-    rows = [row for rows in stored("circles-notch").values() for row in rows]
-    rows = [row[1:] for row in rows if row[0] == "stress"]
+    rows = [row[1:] for row in rows_of(stored("circles-notch")) if row[0] == "stress"]
     lengths, _, _, found, griffith, strength, _ = zip(*rows, strict=True)
-    drawing = Figure(figsize=(4.5, 3.2), layout="constrained")
-    axes = drawing.subplots()
     axes.loglog(lengths, found, "o-", label="found")
     axes.loglog(lengths, [one or np.nan for one in griffith], "--", label="Griffith")
     axes.loglog(lengths, strength, ":", label="strength of the ligament")
     axes.set(xlabel="length of the notch / l_c", ylabel="nominal stress at the peak (MPa)")
-    axes.legend()
-    drawing.savefig(FIGURES / "nine-circles.png", dpi=150)
 
 
 if __name__ == "__main__":
@@ -324,4 +313,5 @@ if __name__ == "__main__":
             *("Griffith: .4f", "strength of the ligament: .4f", gap),
         ),
     )
-    draw()
+    with drawing("nine-circles", (4.5, 3.2)) as axes:
+        draw(axes)

@@ -2,8 +2,6 @@
 measured.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -3,8 +3,6 @@
 Nothing large is imported here: the memory of a process counts that of the one which starts it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -5,10 +5,8 @@ python pipelines/rate_tears.py             all cases, some minutes each
 python pipelines/rate_tears.py --docs      the table of all stored figures, and the figure
 """
 
-from __future__ import annotations
-
 import numpy as np
-from cases import of_rows, report, stored
+from cases import CLAMPS, of_rows, report, rows_of, stored
 from matplotlib.figure import Figure
 from pages import FIGURES
 
@@ -34,7 +32,7 @@ def strip(time, stretch_rate):
         horizon_ratio=RATIO,
         body=pds.shapes.Rectangle(size=(LENGTH, HEIGHT)),
         precuts=({"start": (0.0, HEIGHT / 2), "end": (CUT, HEIGHT / 2)},),
-        grips=({"edge": "bottom"}, {"edge": "top", "travel": 1.0}),
+        grips=CLAMPS,
         material={
             "law": "neo-hookean",
             "shear_modulus": 1.0,
@@ -95,7 +93,7 @@ def main():
         "gap of the account (%): .2f",
     )
     report(__doc__, study)
-    rows = np.array([row for rows in stored(study.name).values() for row in rows])
+    rows = np.array(rows_of(stored(study.name)))
     rows = rows[rows[:, 0] > 0]
     figure = Figure(figsize=(5.0, 3.4), layout="constrained")
     axes = figure.subplots()

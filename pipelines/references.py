@@ -11,8 +11,6 @@ block); in space those of `data/solid_fields.json`, by 0.05 % or less (the axial
 torsion by 0.11 %). For the ring and the sphere they are the radial equation of equilibrium.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

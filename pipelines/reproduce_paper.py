@@ -7,8 +7,6 @@ python pipelines/reproduce_paper.py "6.4, hole"    a case; --help names other us
 The paper is Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234. Pictures go to docs/figures.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -8,8 +8,6 @@ Times are processor times without compilation. Differences are central ones of r
 is of fourth order. They are taken on coarser bodies than the costs.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

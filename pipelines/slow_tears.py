@@ -13,8 +13,7 @@ from itertools import product
 from unittest.mock import patch
 
 import numpy as np
-from cases import Study, report, rounded
-from pages import markdown_table
+from cases import CLAMPS, of_rows, percent, report, rows_of
 
 import pdsurrogate as pds
 from pdsurrogate.run import tearing
@@ -42,15 +41,14 @@ def sheet(name, seed, process):
     body = {"shape": "rectangle", "size": size}
     if seed:
         body |= {"arrangement": "relaxed", "seed": seed}
-    ends = [[-1.0, size[1] / 2], [cut, size[1] / 2]]
     return {
         "name": name,
         "spacing": 1.0 / ROWS,
         "horizon_ratio": 2.2,
         "body": body,
-        "precuts": [dict(zip(("start", "end"), ends, strict=True))],
+        "precuts": [{"start": [-1.0, size[1] / 2], "end": [cut, size[1] / 2]}],
         "material": RUBBER,
-        "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+        "grips": CLAMPS,
         "stretches": [begin],
         "fracture": {"critical_stretch": CRITICAL, "process": process},
         "dynamics": {
@@ -107,7 +105,7 @@ def torn(name, seed, process):
     yield name, seed, process, *figures_of(scene)
 
 
-def legs():
+def legs(name):
     """Critical stretch of the trouser tear, mean force on its legs from a travel of 21 mm on,
     energy by that force (Rivlin and Thomas), force evaluations and error of the balance.
     """
@@ -142,99 +140,56 @@ def varied(name, seed, variant):
         yield name, seed, variant, *figures_of(sheet(name, seed, "quasi-static"))
 
 
+def points(seed):
+    """Arrangement of the points in words."""
+    return f"seed {seed}" if seed else "lattice"
+
+
 def beside(figures):
-    """The table of tears in equilibrium and in dynamics, with the means over seeds."""
-    found = {tuple(row[:3]): row[3:] for rows in figures.values() for row in rows}
-    lines = []
-    ratios = {}
+    """Tears in equilibrium and in dynamics, with the means over seeds."""
+    found = {tuple(row[:3]): row[3:] for row in rows_of(figures)}
+    peaks = {}
     for name, seed, process in found:
-        slow, fast = (found.get((name, seed, one)) for one in ("quasi-static", "dynamics"))
+        slow, fast = (found.get((name, seed, one)) for one in PROCESSES)
         if process == "dynamics" or slow is None or fast is None:
             continue
         if seed:
-            ratios.setdefault(name, []).append((slow[0], fast[0]))
-        lines.append(
-            [
-                name,
-                f"seed {seed}" if seed else "lattice",
-                *(f"{one[0]:.4f}" for one in (slow, fast)),
-                f"{slow[0] / fast[0]:.3f}",
-                *(str(one[1]) for one in (slow, fast)),
-                *(str(one[2]) for one in (slow, fast)),
-                f"{slow[3]:+.2f}",
-            ]
-        )
-    for name, pairs in ratios.items():
-        means = np.mean(pairs, axis=0)
-        lines.append(
-            [
-                name,
-                f"mean of {len(pairs)} seeds",
-                *(f"{mean:.4f}" for mean in means),
-                f"{means[0] / means[1]:.3f}",
-                *5 * [""],
-            ]
-        )
-    titles = ["sheet", "points", "peak, slow tear", "peak, dynamics", "ratio"]
-    titles += [
-        f"{what}, {how}" for what in ("bonds", "evaluations") for how in ("slow", "dynamics")
-    ]
-    return markdown_table([*titles, "energy error, slow (%)"], lines)
+            peaks.setdefault(name, []).append((slow[0], fast[0]))
+        counts = slow[1], fast[1], slow[2], fast[2]
+        yield name, points(seed), slow[0], fast[0], slow[0] / fast[0], *counts, slow[3]
+    for name, pairs in peaks.items():
+        slow, fast = np.mean(pairs, axis=0)
+        yield name, f"mean of {len(pairs)} seeds", slow, fast, slow / fast, *5 * [""]
 
 
 def orders(figures):
-    """The table of variants."""
-    rows = [row for rows in figures.values() for row in rows]
-    first = {(name, seed): peak for name, seed, variant, peak, *_ in rows if variant == "as it is"}
-    return markdown_table(
-        ["sheet", "points", "variant", "peak", "change (%)", "bonds", "evaluations"],
-        [
-            [
-                name,
-                f"seed {seed}" if seed else "lattice",
-                variant,
-                f"{peak:.4f}",
-                f"{100 * (peak / first[name, seed] - 1):+.2f}",
-                str(bonds),
-                str(evaluations),
-            ]
-            for name, seed, variant, peak, bonds, evaluations, _ in rows
-        ],
-    )
-
-
-def trousers(figures):
-    """The table of the trouser tear."""
-    return markdown_table(
-        ["critical stretch", "force (N)", "G (N/mm)", "evaluations", "energy error (%)"],
-        [
-            [f"{critical:.4f}", f"{force:.3f}", f"{found:.3f}", str(count), f"{gap:+.2f}"]
-            for rows in figures.values()
-            for critical, force, found, count, gap in rows
-        ],
-    )
+    """Variants, with the change of the peak."""
+    first = {}
+    for name, seed, variant, peak, bonds, evaluations, _ in rows_of(figures):
+        change = percent(peak, first.setdefault((name, seed), peak))
+        yield name, points(seed), variant, peak, change, bonds, evaluations
 
 
 PROCESSES = "quasi-static", "dynamics"
 TEARS = [*product(SHEETS, SEEDS, PROCESSES), *product(["cantilever"], [0], PROCESSES)]
 
 
-def cases_of(measure, arguments):
-    """Cases of a study, by what is measured."""
-    return {
-        ", ".join(map(str, one)): (lambda one=one: rounded(list(measure(*one))))
-        for one in arguments
-    }
-
-
 if __name__ == "__main__":
+    gap = "energy error (%): +.2f"
+    counts = (f"{what}, {how}" for what in ("bonds", "evaluations") for how in ("slow", "dynamics"))
+    ratio = "peak, slow tear: .4f", "peak, dynamics: .4f", "ratio: .3f"
+    slowly = "energy error, slow (%): +.2f"
+    variants = "variant", "peak: .4f", "change (%): +.2f", "bonds", "evaluations"
+    leg = "critical stretch: .4f", "force (N): .3f", "G (N/mm): .3f", "evaluations"
     report(
         __doc__,
-        Study("slow-tears", cases_of(torn, TEARS), {"slow-tears": beside}),
-        Study(
+        of_rows("slow-tears", torn, TEARS, "sheet", "points", *ratio, *counts, slowly, rows=beside),
+        of_rows(
             "slow-tears-order",
-            cases_of(varied, product(SHEETS, (0, 1), VARIANTS)),
-            {"slow-tears-order": orders},
+            varied,
+            product(SHEETS, (0, 1), VARIANTS),
+            *("sheet", "points", *variants),
+            rows=orders,
         ),
-        Study("slow-tears-trousers", {"trousers": legs}, {"slow-tears-trousers": trousers}),
+        of_rows("slow-tears-trousers", legs, [("trousers",)], *leg, gap),
     )

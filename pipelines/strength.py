@@ -8,15 +8,23 @@ rollers, so that a sheet without a cut is in uniaxial tension. Tears end past th
 core of 2 GHz all take some two hours, half an hour of it the finite elements.
 """
 
-from dataclasses import replace
 from functools import partial
 from unittest.mock import patch
 
 import numpy as np
 import strength_elements as elements
-from cases import Study, ending_at, of_rows, percent, report, stored
-from matplotlib.figure import Figure
-from pages import FIGURES
+from cases import (
+    CLAMPS,
+    ROLLERS,
+    Study,
+    drawing,
+    ending_at,
+    of_rows,
+    percent,
+    report,
+    rows_of,
+    stored,
+)
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -84,10 +92,7 @@ def sheet(spacing, size, stretches, **changes):
         "stretches": stretches,
         "body": {"shape": "rectangle", "size": size},
         "material": LAW.describe(),
-        "grips": [
-            {"edge": "bottom", "holds": "normal"},
-            {"edge": "top", "holds": "normal", "travel": 1.0},
-        ],
+        "grips": ROLLERS,
         "fracture": {"energy": WORK, "strength": {"stretch": BREAK}},
     }
     if "steps" in changes:
@@ -124,9 +129,8 @@ def clamped(spacing):
     work = [(one, homogeneous.pure_shear(LAW, one).energy_density) for one in (3.7, 3.8, 3.9, 4.0)]
     expected = float(np.interp(WORK, *np.transpose(work)[::-1]))
     fracture = {"energy": WORK, "strength": {"stretch": BREAK, "at_grips": False}}
-    grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
     found = sheet(
-        spacing, [6.0, 1.5], [0.94 * expected, 1.06 * expected], fracture=fracture, grips=grips
+        spacing, [6.0, 1.5], [0.94 * expected, 1.06 * expected], fracture=fracture, grips=CLAMPS
     )
     cause, first, _, gap = figures_of(found)
     yield spacing, cause, expected, first / expected, gap
@@ -249,37 +253,24 @@ def spacings(shapes):
     return [(length, one) for length, (*_, several) in shapes.items() for one in several]
 
 
-def beside(kind, study):
-    """A study with the figures of finite elements before the last column of its table."""
-    ((name, table),) = study.tables.items()
-
-    def text(figures):
-        rows = {
-            case: [[*row[:-1], *reference(kind, row[0]), row[-1]] for row in several]
-            for case, several in figures.items()
-        }
-        return table(rows)
-
-    return replace(study, tables={name: text})
+def beside(kind, figures):
+    """Rows with the figures of finite elements before the last column."""
+    return [[*row[:-1], *reference(kind, row[0]), row[-1]] for row in rows_of(figures)]
 
 
-def draw():
+def draw(axes):
     """Stretch at break against the length of a cut."""
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    axes = figure.subplots()
     lengths = [one for one, (*_, columns) in CUTS.items() if columns]
     rows = np.array([reference("cut", one) for one in lengths], dtype=float)
     names = "Griffith", "rule, finite elements", "coupled criterion"
     for at, name, style in zip(rows.T, names, ("k--", "C0-", "C1-."), strict=True):
         axes.semilogx(lengths, at, style, label=name)
-    tears = [row for several in stored("strength-cuts").values() for row in several]
+    tears = rows_of(stored("strength-cuts"))
     for number, (mark, name) in enumerate(zip("s^o", ("coarse", "medium", "fine"), strict=True)):
         at = [[row[0], row[4]] for row in tears if grade(row) == number]
         if at:
             axes.plot(*np.transpose(at), "C3" + mark, fillstyle="none", label=f"tears, {name}")
     axes.set(xlabel="length of the cut / l_c", ylabel="stretch at break", ylim=(1, 4.2))
-    axes.legend()
-    figure.savefig(FIGURES / "strength-cuts.png", dpi=120)
 
 
 def grade(row):
@@ -316,7 +307,7 @@ if __name__ == "__main__":
         of_rows("strength-factor", factor, [(20.0,), (2000.0,)], "K / μ: g", "mean: .3f", "c: .3f"),
         Study("strength-references", elementary, {}),
         *(
-            beside(kind, of_rows(name, one, spacings(kinds[kind]), *head[kind]))
+            of_rows(name, one, spacings(kinds[kind]), *head[kind], rows=partial(beside, kind))
             for kind, name, one in (
                 ("cut", "strength-cuts", cut),
                 ("hole", "strength-holes", hole),
@@ -325,4 +316,5 @@ if __name__ == "__main__":
         ),
         of_rows("strength-long", compared, lengths, head["cut"][0], spacing, first, *both),
     )
-    draw()
+    with drawing("strength-cuts", (6.4, 4.0), 120) as axes:
+        draw(axes)

@@ -13,8 +13,6 @@ turn except where they are what is measured. Tables by the clock want two cores 
 uses.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

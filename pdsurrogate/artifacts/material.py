@@ -17,6 +17,7 @@ from ..materials.memory import untested_rates
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import NOTED, Card
 from .measured import unit_of_stress, with_measured
+from .places import find_artifact
 from .store import default_force, law_of, load_card, load_surrogate
 
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
@@ -144,14 +145,16 @@ def sourced(scene: Scene) -> Scene:
     rest = scene.material and scene.material.artifact
     if not rest and not any(part.material.artifact for part in scene.materials):
         return scene
+    own = _of_card(scene, scene.material, "material")
+    laws = [
+        _of_card(scene, part.material, f"materials.{number}.material")
+        for number, part in enumerate(scene.materials)
+    ]
     measured = with_measured(scene, load_card(rest) if rest else None)
     parts = tuple(
-        part.model_copy(
-            update={"material": _of_card(scene, part.material, f"materials.{number}.material")}
-        )
-        for number, part in enumerate(measured.materials)
+        part.model_copy(update={"material": law})
+        for part, law in zip(measured.materials, laws, strict=True)
     )
-    own = _of_card(scene, scene.material, "material")
     scene = measured.model_copy(update={"material": own, "materials": parts})
     # References are elastic solutions.
     return scene.model_copy(update={"reference": None}) if scene.remembers else scene
@@ -161,7 +164,7 @@ def _of_card(scene: Scene, given: MaterialSpec | None, key: str) -> MaterialSpec
     """Return the material of a scene, that on its card if it is that of an artifact."""
     if given is None or given.artifact is None:
         return given
-    card = load_card(given.artifact)
+    card = load_card(find_artifact(given.artifact, ()))
     if not _has_moduli(card):
         raise SceneError(
             f"scene {scene.name}: {key}: the moduli on the card of {card.name}@{card.version} are"

@@ -154,6 +154,10 @@ def law_keys(found: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     if not keys:
         keys = {"law": "neo-hookean"}
         if C01:
+            if min(C[0], C01) < 0:
+                raise ValueError(
+                    f"no law here has a negative one of C10 = {C[0]:g} and C01 = {C01:g}"
+                )
             keys = {"law": "mooney-rivlin", "second_share": 2 * C01 / modulus}
         elif any(C[1:]):
             keys = {"law": "yeoh", "second": 2 * C[1] / modulus, "third": 2 * C[2] / modulus}

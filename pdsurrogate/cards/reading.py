@@ -89,7 +89,9 @@ def read_text(text: str, source: str, name: str = "") -> tuple[dict, Form, tuple
             break
     else:
         names = ", ".join(program.program for program in PROGRAMS.values())
-        raise ValueError(f"{source}: no line begins a hyperelastic material of {names}")
+        seen = re.search(r"(?im)^\s*((\*(hyper|elas|mat_|user)|TB,|/MAT/|<mat|@Beh).*)$", text)
+        other = f", but line {text.count(chr(10), 0, seen.start(1)) + 1}: {seen[1]}" if seen else ""
+        raise ValueError(f"{source}: no line begins a hyperelastic material of {names}{other}")
     chosen = [head for head in heads if not name or compact(head.name) == compact(name)]
     if len(chosen) != 1:
         names = ", ".join(head.name for head in heads)

@@ -16,6 +16,7 @@ from ..export import exported, file_name, source_of_artifact, source_of_law
 from ..materials import LAWS
 from ..results.files import write_text
 from ..scenes import MaterialSpec
+from ..scenes.reading import parse_change
 from .command import SetLaw, check_folder, law_of
 from .terminal import note, out, print_json, writing
 
@@ -25,7 +26,8 @@ def export(
         str,
         Argument(
             metavar="NAME",
-            help="Law, artifact (NAME, NAME@VERSION or a path), or file with a material card.",
+            help="Law, artifact (NAME, NAME@VERSION or a path), or file with a material card (of"
+            " several, --set name=MATERIAL).",
         ),
     ],
     *,
@@ -45,15 +47,17 @@ def export(
     ] = False,
 ) -> None:
     """Write the file of an energy, and print its name."""
-    if change and name not in LAWS:
+    is_card = name not in LAWS and Path(name).is_file()
+    if change and name not in LAWS and not is_card:
         raise ValueError(
             f"--set changes parameters of a law, and {name} is not one: choose one of"
             f" {', '.join(LAWS)}"
         )
     if name in LAWS:
         source = source_of_law(law_of(name, change))
-    elif Path(name).is_file():
-        spec = MaterialSpec.model_validate({"card": name})
+    elif is_card:
+        changes = dict(parse_change(item) for item in change or [])
+        spec = MaterialSpec.model_validate({**changes, "card": name})
         source = replace(source_of_law(spec.build()), title=Path(name).stem)
     else:
         source = source_of_artifact(name)

@@ -160,7 +160,7 @@ class Tearing(Equilibria):
             else:
                 self._pause()
             foremost = run.damage.foremost(pairs, loads, OVERLOAD)
-            equilibrium = self._break(foremost, failing.cause)
+            equilibrium = self.break_bonds(foremost, failing.cause)
         if totals.breaking:
             totals.breaking = False
             totals.load = run.damage.greatest_load(run.force)
@@ -172,7 +172,7 @@ class Tearing(Equilibria):
                 self._row()
         return equilibrium
 
-    def _break(self, pairs: np.ndarray, cause: str) -> Equilibrium:
+    def break_bonds(self, pairs: np.ndarray, cause: str) -> Equilibrium:
         """Break pairs, given by number, and the bonds of points that fail without them; find and
         return the equilibrium under the same loads.
         """

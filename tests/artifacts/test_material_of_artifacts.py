@@ -143,3 +143,9 @@ def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
         UserWarning, match=r"off@1 has an RMS error of [\d.]+ % relative to neo-hookean"
     ):
         with_material(pds.load_scene("uniaxial"), path)
+
+
+def test_an_artifact_that_is_not_there_is_no_force():
+    scene = pds.load_scene("uniaxial", {"material": {"artifact": "nope"}, "reference": None})
+    with pytest.raises(pds.ArtifactError, match="unknown artifact 'nope'"):
+        with_material(scene, "bond-energy")

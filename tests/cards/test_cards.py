@@ -165,6 +165,8 @@ READ = {
     "*Material, name=A\n*Density\n1e-9\n*Hyperelastic, n=1\n .2, .1, 0.05\n": M.MooneyRivlin(
         0.6, 40.0, second_share=1 / 3
     ),
+    "*MATERIAL,\nNAME=A\n*HYPERELASTIC,\n OGDEN,\n N=1\n.45, 3., .05\n*MATERIAL,\nNAME=B\n"
+    "*VISCOELASTIC\n": EXAMPLES["ogden"],
     '*material, name="My rubber"\n**\n*HYPERELASTIC, Reduced polynomial, N=2\n.2,2.D-2,.05': M.Yeoh(
         0.4, 40.0, second=0.1, third=0.0
     ),
@@ -210,6 +212,8 @@ HEAD = "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n"
     [
         ("*ELASTIC\n1, 0.3\n", "no line begins a hyperelastic material of Abaqus, CalculiX"),
         (HEAD + "0.2, x\n", "line 3: 'x' is not a number"),
+        ("*HYPERFOAM\n1.\n", r"material of .*, but line 1: \*HYPERFOAM"),
+        ("*HYPERELASTIC, MOONEY-RIVLIN\n.4, -.1, .05\n", "C10 = 0.4 and C01 = -0.1"),
         (HEAD + "-0.2, 0.05\n", "line 2: its initial shear modulus is -0.4"),
         (HEAD + ".2, .05, 20.\n.1, .05, 80.\n", "line 4: .1 is of temperature"),
         (HEAD + ".2, .05\n*VISCOELASTIC, TIME=PRONY\n.1,,1\n", "line 4: .*VISCOELASTIC"),
@@ -306,5 +310,10 @@ def test_commands_convert_cards(tmp_path):
     assert "U(J) = K/2 (J - 1)^2: the mean stress at J = 0.9 and 1.1" in shown.stderr
     commanded("export", card, "--to", "febio", "--out", tmp_path)
     assert read_card(tmp_path / "seal.feb.xml")[0] == EXAMPLES["neo-hookean"].describe()
+    several = tmp_path / "two.inp"
+    several.write_text(HEAD + ".2, 0.\n" + HEAD.replace("=A", "=B") + ".1, 0.\n")
+    set_both = ("--set", "name=A", "--set", "bulk_modulus=40")
+    commanded("export", several, "--to", "ansys", "--out", tmp_path, *set_both)
+    assert read_card(tmp_path / "two_ansys.inp")[0] == EXAMPLES["neo-hookean"].describe()
     refused = invoke("export", "ogden-isochoric", "--to", "febio", "--out", tmp_path)
     assert "a learned energy has no constants for a card" in " ".join(refused.stderr.split())

@@ -33,7 +33,9 @@ FOREIGN = {
     "_is_initialized",
     "_launch_threads",
     "_parameter_constraints",
+    "_params",
     "_protected_args",
+    "_symbols",
 }
 """Private members of pickle, os, numba, click and scikit-learn for which these have no public
 ones, and the name that notebooks ask for.
