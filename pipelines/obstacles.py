@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import matplotlib
 import numpy as np
-from cases import of_rows, percent, plane_strain_modulus, report
+from cases import of_rows, percent, plane_strain_modulus, report, scene_of
 from matplotlib.figure import Figure
 from pages import DOCS, FIGURES
 from tutorials import blocks_of
@@ -30,32 +30,10 @@ ELEMENTS = {28: (5.039552, 0.489409), 40: (5.037847, 0.489303), 50: (5.037239, 0
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
 
 
-def block(spacing):
-    """A block of 2 x 1, bonded below, pressed by a flat plate by 30 %; its sides may roll over
-    both planes.
-    """
-    return pds.Scene(
-        name="pressed-block",
-        spacing=spacing,
-        plane="strain",
-        horizon_ratio=1.75,
-        body=pds.shapes.Rectangle(size=(2.0, 1.0)),
-        material=RUBBER,
-        prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0),),
-        obstacles=(
-            pds.Obstacle(
-                half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.3, name="plate"
-            ),
-            pds.Obstacle(half_plane={"point": (0.0, 0.0), "normal": (0.0, -1.0)}, name="base"),
-        ),
-        steps=(pds.Step(to=1.0, outputs=3),),
-    )
-
-
 def pressed_block(spacing):
     """Force of the plate, errors of it and of the contact width, and penetration."""
     force, corner = ELEMENTS[max(ELEMENTS)]
-    result = pds.simulate(block(spacing), "bond-energy")
+    result = pds.simulate(scene_of("pressed-block", {"spacing": spacing}), "bond-energy")
     level = result.levels[-1]
     found, contact = -level["forces"]["plate"][1], level["contact"]
     errors = percent(found, force), percent(contact["plate"]["area"], 2 + 2 * corner)
