@@ -27,8 +27,6 @@ from pdsurrogate.results import figures
 ELEMENTS = {28: (5.039552, 0.489409), 40: (5.037847, 0.489303), 50: (5.037239, 0.489266)}
 """Force of the plate at 30 %, and displacement of the upper corner, by the number of elements."""
 
-RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
-
 
 def pressed_block(spacing):
     """Force of the plate, errors of it and of the contact width, and penetration."""
@@ -55,26 +53,9 @@ def indented(cells):
     `cells` cells in the contact radius.
     """
     radius, depth, thickness = 5.0, 0.2, 4.0
-    held = {"back": {"x1": 0.0, "x2": 0.0, "x3": 0.0}, "left": {"x1": 0.0}, "bottom": {"x2": 0.0}}
-    scene = pds.Scene(
-        name="indented",
-        spacing=1 / cells,
-        body=pds.shapes.Box(size=(8.0, 8.0, thickness)),
-        material=RUBBER,
-        prescribed=tuple(
-            pds.Prescribed(region=region, **components) for region, components in held.items()
-        ),
-        obstacles=(
-            pds.Obstacle(
-                ball={"center": (0.0, 0.0, thickness + radius), "radius": radius},
-                x3=-depth,
-                name="ball",
-            ),
-        ),
-        steps=(1.0,),
-    )
+    scene = scene_of("indented", {"spacing": 1 / cells})
     level = pds.simulate(scene, "bond-energy").levels[-1]
-    modulus = plane_strain_modulus(RUBBER["shear_modulus"], RUBBER["bulk_modulus"])
+    modulus = plane_strain_modulus(1.0, 100.0)
     hertz, factor = (
         4 / 3 * modulus * np.sqrt(radius) * depth**1.5,
         layer_factor(np.sqrt(radius * depth) / thickness),
