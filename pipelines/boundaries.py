@@ -17,7 +17,7 @@ bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
 from functools import partial
 
 import numpy as np
-from cases import Case, at_spacings, percent, report
+from cases import Case, at_spacings, percent, report, scene_of
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
@@ -31,9 +31,13 @@ def ran(force=ENERGY, **keys):
     """Run a scene of given keys; return the result, its last output and the number of force
     evaluations.
     """
-    result = pds.simulate(
-        pds.Scene(**{"name": "boundary", "material": RUBBER, "steps": (1.0,), **keys}), force
-    )
+    keys = {"name": "boundary", "material": RUBBER, "steps": (1.0,), **keys}
+    return solved(pds.Scene(**keys), force)
+
+
+def solved(scene, force=ENERGY):
+    """The same of a scene."""
+    result = pds.simulate(scene, force)
     return result, result.levels[-1], result.summary["n_force_evaluations"]
 
 
@@ -63,20 +67,10 @@ def bushing(spacing):
 
 def rigid_bushing(spacing):
     """References as of `bushing`."""
-    keys = {
-        "plane": "strain",
-        "spacing": spacing,
-        "body": {"shape": "circle", "radius": 2.4},
-        "regions": {
-            "core": {"disc": {"center": (0.0, 0.0), "radius": 1.0}},
-            "shell": {"not": {"disc": {"center": (0.0, 0.0), "radius": 2.0}}},
-        },
-        "materials": [{"region": name, "material": "rigid"} for name in ("core", "shell")],
-    }
-    turned = {"region": "core", "rotation": 20.0, "about": (0.0, 0.0)}
-    _, level, count = ran(prescribed=[turned, {"region": "shell", **HELD}], **keys)
+    changes = {"spacing": spacing}
+    _, level, count = solved(scene_of("rigid-bushing", changes))
     yield "torque", percent(level["moments"]["core"], 4 * np.pi * np.deg2rad(20.0) / 0.75), count
-    _, level, count = ran(prescribed=[{**turned, "x1": 0.2}, {"region": "shell", **HELD}], **keys)
+    _, level, count = solved(scene_of("rigid-bushing", changes | {"prescribed.0.x1": 0.2}))
     yield "force", percent(-level["rigid"]["core"]["force"][0], 21.79), count
 
 
@@ -249,25 +243,8 @@ def disc(spacing):
     """FE: force 1.17143 and displacement 0.04748 of the edge beside the disc; last change 0.001
     and 0.06 %.
     """
-    stiff = {
-        "region": {"disc": {"center": (1.0, 0.5), "radius": 0.25}},
-        "material": {**RUBBER, "shear_modulus": 10.0, "bulk_modulus": 1000.0},
-    }
-    grips = [
-        {"edge": "left", "holds": "normal"},
-        {"edge": "right", "holds": "normal", "travel": 1.0},
-    ]
-    more = {
-        "body": {"size": (2.0, 1.0)},
-        "materials": [stiff],
-        "grips": grips,
-        "stretches": 1.5,
-        "steps": (),
-    }
     for force, suffix in ((ENERGY, ""), ("analytic", ", bond forces")):
-        _, level, count = ran(
-            force, spacing=spacing, probes=[{"name": "edge", "at": (1.0, 1.0)}], **more
-        )
+        _, level, count = solved(scene_of("stiff-disc", {"spacing": spacing}), force)
         yield f"force{suffix}", percent(level["nominal_stress"], 1.17143), count
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][1], -0.04748), count
 

@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from cases import CLAMPS, of_rows, report
+from cases import of_rows, report, scene_of
 from pages import FIGURES
 
 import pdsurrogate as pds
@@ -29,23 +29,6 @@ DATA = np.load(Path(__file__).with_name("data") / "two_holes.npz")
 TRUTH = pds.materials.Gent(0.4, 4000.0, 30.0)
 FORCE_NOISE = 0.005
 """Standard deviation of the forces, relative to each."""
-
-
-def scene(spacing):
-    holes = [
-        {"shape": "circle", "center": [0.7, 1.9], "radius": 0.4},
-        {"shape": "circle", "center": [1.4, 1.0], "radius": 0.25},
-    ]
-    sheet = {
-        "name": "two-holes",
-        "spacing": spacing,
-        "body": {"size": [2.0, 3.0]},
-        "holes": holes,
-        "material": "gent",
-        "grips": CLAMPS,
-        "stretches": [1.1, 1.2, 1.3, 1.4, 1.5],
-    }
-    return pds.Scene.model_validate(sheet)
 
 
 def measurements(law, noise, seed):
@@ -76,7 +59,9 @@ def calibrated(what, fitted, noise, spacing, refine):
     """Gent's law from fields and forces, or from forces alone; the first corrected one is drawn."""
     X, y, deviation = measurements("gent", noise, seed=1)
     chosen = np.full(len(y), True) if fitted == "fields" else X[:, 1] == 0
-    model = pds.SceneRegressor(scene(spacing), "gent", refine=refine, bulk_ratio=1e4)
+    model = pds.SceneRegressor(
+        scene_of("two-holes", {"spacing": spacing}), "gent", refine=refine, bulk_ratio=1e4
+    )
     model.fit(X[chosen], y[chosen], standard_deviation=deviation[chosen])
     if what == CASES[1][0]:
         drawn = figures(model, X, y, ["force"])["residuals"]
@@ -93,7 +78,7 @@ def without_a_law(law, noise):
     """Energies without a law: errors of stresses in unseen tests by mode."""
     X, y, deviation = measurements(law, noise, seed=1)
     began, exact = time.process_time(), DATA[f"{law}_stresses"]
-    model = pds.SceneRegressor(scene(0.1), None, bulk_ratio=100)
+    model = pds.SceneRegressor(scene_of("two-holes", {}), None, bulk_ratio=100)
     model.fit(X, y, standard_deviation=deviation)
     seconds, (stress, error) = time.process_time() - began, model.nominal_stress(states())
     squares = ((stress / exact - 1) ** 2).reshape(len(MODES), -1).mean(axis=1)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from unittest.mock import patch
 
 from pages import FIGURES, markdown_table, replace_block, rounded, shown
@@ -59,13 +60,15 @@ def of_rows(name, measure, cases, *columns, rows=rows_of):
         )
         for case in cases
     }
+    return Study(name, named, {name: table_of(rows, *columns)})
+
+
+def table_of(rows, *columns):
+    """A function of all figures that makes the table of rows, which `rows` gives of them."""
     titles, _, forms = zip(*(column.partition(": ") for column in columns), strict=True)
-
-    def table(figures):
-        lines = [list(map(shown, row, forms)) for row in rows(figures)]
-        return markdown_table(list(titles), lines)
-
-    return Study(name, named, {name: table})
+    return lambda figures: markdown_table(
+        list(titles), [list(map(shown, row, forms)) for row in rows(figures)]
+    )
 
 
 def stored(name):
@@ -131,6 +134,11 @@ def ending_at(bonds):
 
     with patch.object(Tearing, "break_bonds", part):
         yield
+
+
+def scene_of(name, changes):
+    """A scene file of the pipelines, with changes by dotted keys."""
+    return pds.load_scene(Path(__file__).parent / "data" / f"{name}.toml", changes)
 
 
 @contextmanager

@@ -10,40 +10,10 @@ On one core of 2 GHz all parts take some 25 minutes, 18 of them the trouser tear
 from functools import cache
 
 import numpy as np
-from cases import CLAMPS, ROLLERS, of_rows, percent, plane_strain_modulus, report
+from cases import of_rows, percent, plane_strain_modulus, report, scene_of
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-
-
-def sheet(size, spacing, tip, plane, bulk_modulus, **more):
-    """A rectangle with a cut along its middle from the left to a tip; the shear modulus is 1."""
-    middle, law = (
-        size[1] / 2,
-        {
-            "law": "neo-hookean",
-            "shear_modulus": 1.0,
-            "bulk_modulus": bulk_modulus,
-        },
-    )
-    body, cut = (
-        {"shape": "rectangle", "size": size},
-        {
-            "start": [-1.0, middle],
-            "end": [tip, middle],
-        },
-    )
-    return pds.Scene.model_validate(
-        {
-            "name": "sheet",
-            "spacing": spacing,
-            "plane": plane,
-            "body": body,
-            "precuts": [cut],
-            "material": law,
-            **more,
-        }
-    )
 
 
 def rate(level):
@@ -54,9 +24,7 @@ def rate(level):
 
 def strip(points):
     """A long crack in a clamped strip releases W h."""
-    scene = sheet(
-        (9.0, 2.0), 2.0 / points, 4.5, "stress", 100.0, stretches=[1.3, 2.0], grips=CLAMPS
-    )
+    scene = scene_of("rate-strip", {"spacing": 2.0 / points})
     levels, law = pds.simulate(scene, "bond-energy").levels, scene.material.build()
     exact = [2 * homogeneous.pure_shear(law, level["stretch"]).energy_density for level in levels]
     yield points, *(percent(rate(level), g) for level, g in zip(levels, exact, strict=True))
@@ -64,21 +32,11 @@ def strip(points):
 
 def plate(plane, bulk, points):
     """Half of a plate with a central crack at small strain, against linear fracture mechanics."""
-    held = [
-        {"region": "left", "x1": 0.0},
-        {"region": "bottom", "x2": -0.01},
-        {"region": "top", "x2": 0.01},
-    ]
-    (level,) = pds.simulate(
-        sheet((4.0, 8.0), 1 / points, 1.0, plane, bulk, prescribed=held, steps=[{"to": 1.0}]),
-        "bond-energy",
-    ).levels
+    changes = {"spacing": 1 / points, "plane": plane, "material.bulk_modulus": bulk}
+    (level,) = pds.simulate(scene_of("rate-plate", changes), "bond-energy").levels
     modulus = 9 * bulk / (3 * bulk + 1) if plane == "stress" else plane_strain_modulus(1.0, bulk)
     exact = (level["forces"]["top"][1] / 4) ** 2 * np.pi / modulus / np.cos(np.pi / 8)
     yield f"plane {plane}, K = {bulk:g} μ", points, percent(rate(level), exact)
-
-
-STRETCHES = [1.1, 1.3, 1.5, 2.0]
 
 
 def notch(plane, bulk):
@@ -86,8 +44,8 @@ def notch(plane, bulk):
     spacing, levels = 0.02, []
     for step in (-1, 0, 1):
         # A cut that ends between the places where bonds cross it grows by whole spacings.
-        tip, more = 0.402 + step * spacing, {"stretches": STRETCHES, "grips": ROLLERS}
-        scene = sheet((2.0, 2.0), spacing, tip, plane, bulk, **more)
+        changes = {"precuts.0.end.0": 0.402 + step * spacing, "material.bulk_modulus": bulk}
+        scene = scene_of("rate-notch", changes | {"plane": plane})
         levels.append(pds.simulate(scene, "bond-energy").levels)
     for shorter, level, longer in zip(*levels, strict=True):
         difference = (shorter["energy"] - longer["energy"]) / (2 * spacing)

@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 import shapely
-from cases import of_rows, report
+from cases import of_rows, report, scene_of
 from matplotlib.figure import Figure
 from pages import FIGURES
 from scipy.interpolate import CubicSpline, LinearNDInterpolator, NearestNDInterpolator
@@ -56,9 +56,9 @@ AGAIN = ((18.7, 9.57), (18.1, 9.31), (17.8, 9.17), (18.4, 9.55), (17.7, 9.33), (
 of the second report.
 """
 
-HALF, LONG, DEEP, FINE = 12.0, 48.0, 2.5, 0.4
-"""Of the notched sheets: half of the width, length between the stiff tabs, thickness, spacing of
-the points, all in mm.
+LONG, DEEP, FINE = 48.0, 2.5, 0.4
+"""Of the notched sheets: length between the stiff tabs, thickness, spacing of the points, all in
+mm.
 """
 
 FITTED = 11.0
@@ -139,25 +139,10 @@ def predicted(name, spacing):
 
 def notched(notch, law, steps, **more):
     """Half of a sheet with two notches, whose upper tab is moved by t in mm."""
-    held = [
-        {"region": "bottom", "x1": 0.0, "x2": 0.0},
-        {"region": "top", "name": "tab", "x1": 0.0, "x2": 1.0},
-    ]
     # A precut that ends between the places where bonds cross it has its length exactly.
-    cut = {"start": [-1.0, LONG / 2], "end": [notch + 1e-3 * FINE, LONG / 2]}
-    return pds.Scene.model_validate(
-        {
-            "name": "notched-sheet",
-            "spacing": FINE,
-            "units": {"length": "mm", "stress": "MPa", "time": "s"},
-            "body": {"shape": "rectangle", "size": [HALF, LONG]},
-            "precuts": [cut],
-            "material": law if isinstance(law, str) else law.describe(),
-            "prescribed": [*held, {"region": "right", "x1": 0.0}],
-            "steps": steps,
-            **more,
-        }
-    )
+    changes = {"precuts.0.end.0": notch + 1e-3 * FINE, "steps": steps}
+    changes["material"] = law if isinstance(law, str) else law.describe()
+    return scene_of("notched-sheet", changes | more)
 
 
 def fitted_law():

@@ -12,7 +12,7 @@ On one core of 2 GHz all tears take some 10 minutes.
 """
 
 import scipy
-from cases import CLAMPS, of_rows, report
+from cases import of_rows, report, scene_of
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -45,31 +45,15 @@ def tear(force, ratio, rows, stiffer, interface, layers):
     """Return the summary of a tear of the strip, whose upper layer is so many times stiffer;
     `layers` are stronger than the `interface`.
     """
-    laws = [
-        {"law": "neo-hookean", "shear_modulus": modulus, "bulk_modulus": BULK * modulus}
-        for modulus in (1.0, stiffer)
-    ]
-    scene = {
-        "name": "strip",
+    modulus = "materials.0.material."
+    changes = {
         "spacing": 1.0 / rows,
         "horizon_ratio": ratio,
-        "stretches": [1.05],
-        "body": {"shape": "rectangle", "size": [4.0, 1.0]},
-        "precuts": [{"start": [-1.0, 0.5], "end": [1.5, 0.5]}],
-        "regions": {"upper": {"box": [[-1.0, 0.5], [5.0, 2.0]]}},
-        "material": laws[0],
-        "materials": [{"region": "upper", "material": laws[1]}],
-        "grips": CLAMPS,
+        modulus + "shear_modulus": stiffer,
+        modulus + "bulk_modulus": BULK * stiffer,
         "fracture": layers | {"interfaces": [{"between": ["upper", "rest"]} | interface]},
-        "dynamics": {
-            "stretch": 2.0,
-            "stretch_rate": 0.02,
-            "density": 1.0,
-            "damping": 0.02,
-            "outputs": 10,
-        },
     }
-    return pds.simulate(pds.Scene.model_validate(scene), force).summary
+    return pds.simulate(scene_of("two-layers", changes), force).summary
 
 
 def energy_ahead(stretch, stiffer):

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import matplotlib
 import numpy as np
-from cases import of_rows, percent, plane_strain_modulus, report
+from cases import of_rows, percent, plane_strain_modulus, report, scene_of
 from matplotlib.figure import Figure
 from pages import DOCS, FIGURES
 from tutorials import blocks_of
@@ -27,35 +27,11 @@ from pdsurrogate.results import figures
 ELEMENTS = {28: (5.039552, 0.489409), 40: (5.037847, 0.489303), 50: (5.037239, 0.489266)}
 """Force of the plate at 30 %, and displacement of the upper corner, by the number of elements."""
 
-RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
-
-
-def block(spacing):
-    """A block of 2 x 1, bonded below, pressed by a flat plate by 30 %; its sides may roll over
-    both planes.
-    """
-    return pds.Scene(
-        name="pressed-block",
-        spacing=spacing,
-        plane="strain",
-        horizon_ratio=1.75,
-        body=pds.shapes.Rectangle(size=(2.0, 1.0)),
-        material=RUBBER,
-        prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0),),
-        obstacles=(
-            pds.Obstacle(
-                half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.3, name="plate"
-            ),
-            pds.Obstacle(half_plane={"point": (0.0, 0.0), "normal": (0.0, -1.0)}, name="base"),
-        ),
-        steps=(pds.Step(to=1.0, outputs=3),),
-    )
-
 
 def pressed_block(spacing):
     """Force of the plate, errors of it and of the contact width, and penetration."""
     force, corner = ELEMENTS[max(ELEMENTS)]
-    result = pds.simulate(block(spacing), "bond-energy")
+    result = pds.simulate(scene_of("pressed-block", {"spacing": spacing}), "bond-energy")
     level = result.levels[-1]
     found, contact = -level["forces"]["plate"][1], level["contact"]
     errors = percent(found, force), percent(contact["plate"]["area"], 2 + 2 * corner)
@@ -77,26 +53,9 @@ def indented(cells):
     `cells` cells in the contact radius.
     """
     radius, depth, thickness = 5.0, 0.2, 4.0
-    held = {"back": {"x1": 0.0, "x2": 0.0, "x3": 0.0}, "left": {"x1": 0.0}, "bottom": {"x2": 0.0}}
-    scene = pds.Scene(
-        name="indented",
-        spacing=1 / cells,
-        body=pds.shapes.Box(size=(8.0, 8.0, thickness)),
-        material=RUBBER,
-        prescribed=tuple(
-            pds.Prescribed(region=region, **components) for region, components in held.items()
-        ),
-        obstacles=(
-            pds.Obstacle(
-                ball={"center": (0.0, 0.0, thickness + radius), "radius": radius},
-                x3=-depth,
-                name="ball",
-            ),
-        ),
-        steps=(1.0,),
-    )
+    scene = scene_of("indented", {"spacing": 1 / cells})
     level = pds.simulate(scene, "bond-energy").levels[-1]
-    modulus = plane_strain_modulus(RUBBER["shear_modulus"], RUBBER["bulk_modulus"])
+    modulus = plane_strain_modulus(1.0, 100.0)
     hertz, factor = (
         4 / 3 * modulus * np.sqrt(radius) * depth**1.5,
         layer_factor(np.sqrt(radius * depth) / thickness),

@@ -6,16 +6,14 @@ python pipelines/rate_tears.py --docs      the table of all stored figures, and 
 """
 
 import numpy as np
-from cases import CLAMPS, of_rows, report, rows_of, stored
+from cases import of_rows, report, rows_of, scene_of, stored
 from matplotlib.figure import Figure
 from pages import FIGURES
 
 import pdsurrogate as pds
 from pdsurrogate.results import figures
 
-LENGTH, HEIGHT, CUT = 2.5, 1.0, 0.75
-ROWS = 12
-RATIO = 2.2
+LENGTH, CUT = 2.5, 0.75
 TIMES = (0.0, 0.0003, 0.003, 0.03, 0.3, 3.0)
 """Relaxation times; 0 for elastic rubber."""
 
@@ -24,32 +22,9 @@ def strip(time, stretch_rate):
     """A cut strip of pure shear in plane strain, relaxed at a stretch below that at which it tears,
     and stretched on at a constant rate.
     """
+    changes = {"times": 1e6 * (time or 1.0), "dynamics.stretch_rate": stretch_rate}
     branches = [{"modulus": 2.0, "time": time}] if time else []
-    return pds.Scene(
-        name="rate-tear",
-        spacing=HEIGHT / ROWS,
-        plane="strain",
-        horizon_ratio=RATIO,
-        body=pds.shapes.Rectangle(size=(LENGTH, HEIGHT)),
-        precuts=({"start": (0.0, HEIGHT / 2), "end": (CUT, HEIGHT / 2)},),
-        grips=CLAMPS,
-        material={
-            "law": "neo-hookean",
-            "shear_modulus": 1.0,
-            "bulk_modulus": 20.0,
-            "branches": branches,
-        },
-        stretches=1.12,
-        times=1e6 * (time or 1.0),
-        fracture={"critical_stretch": 2.0},
-        dynamics={
-            "stretch": 2.5,
-            "stretch_rate": stretch_rate,
-            "density": 1.0,
-            "viscosity": 0.02,
-            "outputs": 250,
-        },
-    )
+    return scene_of("rate-tear", changes | {"material.branches": branches})
 
 
 def torn(time, stretch_rate):
@@ -70,10 +45,9 @@ def torn(time, stretch_rate):
     keys = "released_energy", "dissipated_by_branches", "damped_energy"
     taken = [change(key) / length for key in keys]
     speed = length / (end - begin)
-    horizon = RATIO * HEIGHT / ROWS
     gap = result.summary["dynamics"][0]["greatest_energy_gap"]
     peak = crack["peak"]["stretch"]
-    yield time, speed, speed * time / horizon, peak, sum(taken), *taken, gap
+    yield time, speed, speed * time / result.body.horizon, peak, sum(taken), *taken, gap
 
 
 def main():

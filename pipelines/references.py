@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from boundaries import inflated
-from cases import Case, at_spacings, percent, report
+from cases import Case, at_spacings, percent, report, scene_of
 from scipy.interpolate import RegularGridInterpolator
 
 import pdsurrogate as pds
@@ -203,21 +203,14 @@ def bonded(name, length, bulk_modulus, stretch):
     """A block between bonded plates: an eighth of it, between planes of symmetry."""
 
     def run(spacing):
-        scene = {
-            "name": "bonded-eighth",
+        changes = {
             "spacing": spacing,
-            "body": {"shape": "box", "size": [length / 2, 0.5, 0.5], "lower": [0, 0, 0]},
-            "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": bulk_modulus},
-            "prescribed": [
-                {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0},
-                {"region": "right", "x1": (stretch - 1) * length / 2},
-                {"region": "bottom", "x2": 0.0},
-                {"region": "back", "x3": 0.0},
-            ],
-            "steps": [{"to": 1.0, "largest_increment": min(1.0, 0.1 / abs(stretch - 1))}],
-            "solver": {"tolerance": 1e-5},
+            "body.size.0": length / 2,
+            "material.bulk_modulus": bulk_modulus,
+            "prescribed.1.x1": (stretch - 1) * length / 2,
+            "steps.0.largest_increment": min(1.0, 0.1 / abs(stretch - 1)),
         }
-        return pds.simulate(pds.Scene(**scene))
+        return pds.simulate(scene_of("bonded-eighth", changes))
 
     def read(result):
         reference, points = DATA[name], round(1 / result.scene.spacing)
@@ -298,10 +291,10 @@ def inflation(level):
         apart = np.linalg.norm(moved - expected[:, None] * outward, axis=1)
         return errors | {"field": 100 * np.sqrt((apart**2).mean() / (expected**2).mean())}
 
-    return of_result(scene_of("inflation"), read, 8, 12, 16, 24, 32, 40, 48)
+    return of_result(packaged("inflation"), read, 8, 12, 16, 24, 32, 40, 48)
 
 
-def scene_of(name):
+def packaged(name):
     """A run of a scene of the package, by spacing."""
     return lambda spacing: ran(name, json.dumps({"solver.tolerance": 1e-5}), spacing, None)
 
@@ -311,7 +304,7 @@ SOLID = {
     "bonded cube, 1.5, K = 1000": bonded("cube_clamped_K1000_l1.5", 1.0, 1000.0, 1.5),
     "bonded cube, 0.9, K = 100": bonded("cube_clamped_K100_l0.9", 1.0, 100.0, 0.9),
     "bonded block 2 x 1 x 1, 1.5, K = 100": bonded("block2_clamped_K100_l1.5", 2.0, 100.0, 1.5),
-    "torsion by 60 degrees": of_result(scene_of("torsion"), read_torsion),
+    "torsion by 60 degrees": of_result(packaged("torsion"), read_torsion),
     "thick sphere, p = 0.25": inflation(0),
     "thick sphere, p = 0.5": inflation(1),
 }

@@ -13,7 +13,7 @@ from itertools import product
 from unittest.mock import patch
 
 import numpy as np
-from cases import CLAMPS, of_rows, percent, report, rows_of
+from cases import of_rows, percent, report, rows_of, scene_of
 
 import pdsurrogate as pds
 from pdsurrogate.run import tearing
@@ -22,71 +22,21 @@ from pdsurrogate.run.damage import Damage
 SEEDS = (0, 1, 2, 3, 4, 5)
 """Seeds of relaxed points; 0 is the lattice."""
 
-RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
-ROWS, CRITICAL = 12, 2.0
-RATE = 0.004
-
-SHEETS = {
-    "strip": ((3.0, 1.0), 1.0, (1.3, 1.6)),
-    "notched": ((1.5, 2.0), 0.5, (1.1, 1.6)),
-}
-"""Sheets between clamps: size, length of the cut at half the height, and stretches at which
-dynamics begin and end.
-"""
+SHEETS = "strip", "notched"
+"""Sheets between clamps."""
 
 
-def sheet(name, seed, process):
-    """A sheet with a cut from its edge, pulled apart between clamps."""
-    size, cut, (begin, end) = SHEETS[name]
-    body = {"shape": "rectangle", "size": size}
-    if seed:
-        body |= {"arrangement": "relaxed", "seed": seed}
-    return {
-        "name": name,
-        "spacing": 1.0 / ROWS,
-        "horizon_ratio": 2.2,
-        "body": body,
-        "precuts": [{"start": [-1.0, size[1] / 2], "end": [cut, size[1] / 2]}],
-        "material": RUBBER,
-        "grips": CLAMPS,
-        "stretches": [begin],
-        "fracture": {"critical_stretch": CRITICAL, "process": process},
-        "dynamics": {
-            "stretch": end,
-            "stretch_rate": RATE / size[1],
-            "density": 1.0,
-            "damping": 0.02,
-            "outputs": 8,
-        },
-    }
-
-
-def cantilever(process):
-    """A double cantilever, whose ends move apart: a stable tear."""
-    moving = {"duration": 1.0 / RATE, "density": 1.0, "damping": 0.02}
-    held = [{"region": "up", "x1": 0.0, "x2": 1.0}, {"region": "down", "x1": 0.0, "x2": -1.0}]
-    return {
-        "name": "cantilever",
-        "spacing": 1.0 / ROWS,
-        "horizon_ratio": 2.2,
-        "body": {"shape": "rectangle", "size": [3.0, 1.0]},
-        "precuts": [{"start": [-1.0, 0.5], "end": [1.0, 0.5]}],
-        "material": RUBBER,
-        "regions": {
-            "up": {"box": [[-0.1, 0.5], [0.2, 1.1]]},
-            "down": {"box": [[-0.1, -0.1], [0.2, 0.5]]},
-        },
-        "prescribed": held,
-        "steps": [0.3, {"to": 1.3, "outputs": 10, "dynamics": moving}],
-        "fracture": {"critical_stretch": 1.8, "process": process},
-    }
+def scene(name, seed, process):
+    """A sheet, or a double cantilever."""
+    relaxed = {"body.arrangement": "relaxed", "body.seed": seed} if seed else {}
+    return scene_of(f"slow-tear-{name}", relaxed | {"fracture.process": process})
 
 
 def figures_of(scene):
     """Run a scene; return the greatest load, the numbers of broken bonds and force evaluations, and
     the greatest error of the energy balance in percent.
     """
-    result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy", threads=1)
+    result = pds.simulate(scene, "bond-energy", threads=1)
     summary = result.summary
     crack = summary["crack"]
     peak = crack["peak"]
@@ -101,8 +51,7 @@ def figures_of(scene):
 
 def torn(name, seed, process):
     """Figures of one tear."""
-    scene = cantilever(process) if name == "cantilever" else sheet(name, seed, process)
-    yield name, seed, process, *figures_of(scene)
+    yield name, seed, process, *figures_of(scene(name, seed, process))
 
 
 def legs(name):
@@ -137,7 +86,7 @@ def varied(name, seed, variant):
 
     chosen = one if "one bond" in variant else foremost
     with patch.multiple(tearing, **VARIANTS[variant]), patch.object(Damage, "foremost", chosen):
-        yield name, seed, variant, *figures_of(sheet(name, seed, "quasi-static"))
+        yield name, seed, variant, *figures_of(scene(name, seed, "quasi-static"))
 
 
 def points(seed):

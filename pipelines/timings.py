@@ -694,30 +694,27 @@ def of_forms():
 COSTS_OF_BONDS = "ns/directed bond, one thread: .2f", "all threads: .2f", "setup (s): .1f"
 POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
-    study.name: study
-    for study in (
-        of_rows(
+    name: of_rows(name, measure, [()], *columns)
+    for name, measure, *columns in (
+        (
             "scaling",
             of_sizes,
-            [()],
             "points: ,",
             "directed bonds: ,",
             *COSTS_OF_BONDS,
             "memory (GiB): .2f",
         ),
-        of_rows(
+        (
             "speed-in-space",
             of_space,
-            [()],
             "force",
             "ns/directed bond, 1 thread: .1f",
             "cost / NOSB: .1f",
             "cost / learned Neo-Hookean in float32: .2f",
         ),
-        of_rows(
+        (
             "memory",
             of_memory,
-            [()],
             "plane",
             "elastic (ns/pair): .1f",
             "first branch: .2f",
@@ -732,26 +729,23 @@ TABLES = {
             "softening (kB): .2f",
             "path of equilibria (kB): .2f",
         ),
-        of_rows(
+        (
             "forms",
             of_forms,
-            [()],
             "law or artifact",
             "DOLFINx (s): .1f",
             "C compiler (s): .1f",
             "memory (MB): .0f",
         ),
-        of_rows(
+        (
             "threads",
             of_threads,
-            [()],
             f"ns per directed bond with {POINTS} points",
             *(f"{others} other processes: .3g" for others in (0, 1, 2)),
         ),
-        of_rows(
+        (
             "ranks",
             of_ranks,
-            [()],
             "points: ,",
             "ranks",
             "own points: ,.0f",
@@ -763,10 +757,9 @@ TABLES = {
             "held (MB): .0f",
             "at most (MB): .0f",
         ),
-        of_rows(
+        (
             "against-threads",
             against_threads,
-            [()],
             "scene",
             "points: ,",
             "1 rank of 2 threads (ms): .1f",
@@ -774,10 +767,9 @@ TABLES = {
             "ranks / threads: .2f",
             "share of exchange: .1%",
         ),
-        of_rows(
+        (
             "small-bodies",
             small_bodies,
-            [()],
             "points: ,",
             "K / μ: g",
             "one rank (s): .2f",
@@ -785,10 +777,9 @@ TABLES = {
             "two ranks / one: .2f",
             "evaluations",
         ),
-        of_rows(
+        (
             "parts",
             of_parts,
-            [()],
             "body",
             "parts",
             "own points (mean): ,.0f",

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from cases import Study, ending_at, report, stored
+from cases import Study, ending_at, report, rows_of, stored, table_of
 from pages import markdown_table
 
 import pdsurrogate as pds
@@ -369,7 +369,7 @@ def repeated(tear, case):
 
 def tears_of(name):
     """Tears of a study so far."""
-    return [tear for tears in stored(name).values() for tear in tears]
+    return rows_of(stored(name))
 
 
 def strips():
@@ -465,14 +465,11 @@ def diameters(figures):
 
 def others(figures):
     """Tears of other bodies and force models."""
-    rows, found = (
-        [],
-        [
-            case
-            for case in tears_of("tip-diameters")
-            if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
-        ],
-    )
+    found = [
+        case
+        for case in rows_of(figures)
+        if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
+    ]
     for case in sorted(
         found,
         key=lambda case: (
@@ -491,15 +488,8 @@ def others(figures):
             if "high" in case
             else f"strip, {thick}{law}K = {case.get('bulk', BULK):g} μ"
         )
-        figures = [
-            f"{case['ratio']:g}",
-            str(case["rows"]),
-            f"{case['critical_stretch']:.2f}",
-            f"{case['diameter']:.2f}",
-        ]
-        rows.append([case["model"], f"{body}, {case['plane']}", *figures])
-    head = ["force model", "body", "horizon (spacings)", "rows per unit length", "λ_c", "d / δ"]
-    return markdown_table(head, rows)
+        numbers = (case[key] for key in ("ratio", "rows", "critical_stretch", "diameter"))
+        yield case["model"], f"{body}, {case['plane']}", *numbers
 
 
 def cell(entry):
@@ -567,32 +557,16 @@ def error_of(entries, ratios):
 
 def peaks(figures):
     """G at the peak over the prescribed one, for every judged case."""
-    rows, entries = [], table()
+    entries = table()
     for case, ratios in judged().items():
         family, plane, arrangement, ratio = case
         own = [entry for entry in entries if case_of(entry) == case]
-        figures = [
-            str(len(ratios["along"])) if ratios["along"] else "-",
-            span(ratios["along"]),
-            averaged(own, ratios["clouds"]),
-        ]
-        figures += [
-            span(ratios["turned"]),
-            span(ratios["notched"]),
+        yield (
+            *(family, f"{plane}, {arrangement}", ratio),
+            *(len(ratios["along"]) or None, span(ratios["along"]), averaged(own, ratios["clouds"])),
+            *(span(ratios["turned"]), span(ratios["notched"])),
             averaged(own, ratios["directions"]),
-        ]
-        rows.append([family, f"{plane}, {arrangement}", f"{ratio:g}", *figures])
-    head = [
-        "force model",
-        "body, points",
-        "horizon (spacings)",
-        "spacings along a row",
-        "G / prescribed along a row",
-        "clouds",
-    ]
-    return markdown_table(
-        [*head, "turned strips", "edge notches", "turned strips of `crack_directions.py`"], rows
-    )
+        )
 
 
 def averaged(entries, ratios):
@@ -605,6 +579,13 @@ def averaged(entries, ratios):
 
 
 if __name__ == "__main__":
-    tables = {"tip-diameters": diameters, "other-tips": others, "peaks": peaks}
+    horizon, rows = "horizon (spacings): g", ("spacings along a row", "G / prescribed along a row")
+    turned = "turned strips", "edge notches", "turned strips of `crack_directions.py`"
+    tips = horizon, "rows per unit length", "λ_c: .2f", "d / δ: .2f"
+    tables = {
+        "tip-diameters": diameters,
+        "other-tips": table_of(others, "force model", "body", *tips),
+        "peaks": table_of(peaks, "force model", "body, points", horizon, *rows, "clouds", *turned),
+    }
     named = {name: partial(repeated, torn, case) for name, case in cases("tip-diameters").items()}
     report(__doc__, Study("tip-diameters", named, tables))

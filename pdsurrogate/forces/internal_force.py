@@ -562,16 +562,19 @@ def settle(force: InternalForce, positions: np.ndarray) -> bool:
     return force.body.share.any(any(changed))
 
 
-def path_error(force: InternalForce, positions: np.ndarray, begins: bool) -> tuple[float, float]:
+def path_error(
+    force: InternalForce, positions: np.ndarray, begins: bool, total: float
+) -> list[float]:
     """Return an estimate of the error of the overstress of branches in a step that leads to an
-    equilibrium at `positions` (n, d), and the overstress: the greatest of all bonds.
+    equilibrium at `positions` (n, d), the sum of the errors of such steps in a relaxation time, or
+    in the `total` time if this is less, and the overstress: the greatest of all bonds.
 
     `begins` says that the step before was the first one of a motion, whose error counts, too.
     """
     force.place(positions)
-    found = [memory.path_error(begins) for term in force.terms for memory in term.memories]
-    error, overstress = map(max, zip(*found, strict=True))
-    return force.body.share.greatest(error), force.body.share.greatest(overstress)
+    memories = [one for term in force.terms for one in term.memories if one.bends]
+    found = [[0.0, 0.0, 0.0], *(one.path_error(begins, total) for one in memories)]
+    return [force.body.share.greatest(max(values)) for values in zip(*found, strict=True)]
 
 
 def stored_by(force: InternalForce) -> float:

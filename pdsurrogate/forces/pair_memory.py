@@ -44,6 +44,8 @@ class PairMemory:
         isochoric energy per volume, the energies dissipated by branches and by softening, and with
         `ForceSettings.paths` Cb before. Rows of C_k and Cb have the components of
         `pdsurrogate.kernels.branches`.
+    bends : bool
+        Whether steps follow parabolas, whose errors can be estimated.
     see : callable
         Brings the gradients of the pairs up to date.
     """
@@ -69,13 +71,13 @@ class PairMemory:
         pairs = len(body.bonds.first)
         thinning = law.memory.thinning
         self._kinematics = kinematics
-        self._bends = binding.settings.paths and branches > 0 and not thinning
+        self.bends = binding.settings.paths and branches > 0 and not thinning
         history = (
             np.tile(tensors.DIAGONAL, (pairs, branches)),
             np.tile(tensors.DIAGONAL, (pairs if branches else 0, 1)),
             np.zeros(pairs if softened else 0),
             np.zeros((pairs, 2)),
-            np.tile(tensors.DIAGONAL, (pairs * self._bends, 1)),
+            np.tile(tensors.DIAGONAL, (pairs * self.bends, 1)),
         )
         names = "branch_states", "isochoric_strains", "greatest_energies", "dissipated_energies"
         names += ("earlier_strains",)
@@ -241,18 +243,16 @@ class PairMemory:
         straight step.
         """
         before = self._kinematics.before
-        if before is None or not self._bends:
+        if before is None or not self.bends:
             return -1.0
         return elapsed / before if before else 0.0
 
-    def path_error(self, begins: bool) -> tuple[float, float]:
+    def path_error(self, begins: bool, total: float) -> list[float]:
         """Return what the pairs of the material add to `path_error` of `internal_force`.
 
         The third difference of a smooth path is about its second one squared over its first one.
         The change that it makes in C_k is looked for in the direction of the first difference.
         """
-        if not self._bends:
-            return 0.0, 0.0
         self.see()
         d = self._part.forces.shape[1]
         tensors = tensors_of(d)
@@ -274,22 +274,24 @@ class PairMemory:
         second = tensors.combined(moved, -ratio, tensors.combined(begun, -1.0, earlier))
         bow = ratio / (1 + ratio) * size(second) / (size(moved) + np.finfo(float).tiny)
         bow = np.minimum(bow, 1.0) if ratio else np.ones_like(bow)
-        total = error = 0.0
+        stress = error = lasting = 0.0
         for branch, modulus in enumerate(self._moduli):
             B, b = tensors.step_in(rows[branch * tensors.STEP :], slice(None), 1.0)
-            h = elapsed / self._times[branch]
+            times = self._times[branch]
+            h = elapsed / times
             off = bow * (bow + np.exp(-h) * begins) / (3 + h)
             found = overstress(tensors.end_step(B, b, Cb))
             other = overstress(tensors.end_step(B, b, tensors.combined(Cb, off, moved)))
-            total = total + modulus * found
+            stress = stress + modulus * found
+            steps = np.minimum(times, total) / np.minimum(times, elapsed)
             error = error + modulus * (other - found)
+            lasting = lasting + steps * modulus * (other - found)
         there = self._reference()[d + 1] > 0
         unit = self._part.points.law.shear_modulus
-        greatest = [
+        return [
             unit * float(np.sqrt(np.nanmax((values**2).sum(axis=0)[there], initial=0.0)))
-            for values in (error, total)
+            for values in (error, lasting, stress)
         ]
-        return greatest[0], greatest[1]
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return means over the bonds of the points of the material in the state last evaluated:

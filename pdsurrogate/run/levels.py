@@ -22,7 +22,7 @@ from ..solvers.equilibrium import (
     Unbalanced,
     note_of_modes,
 )
-from ..solvers.increments import Increments
+from ..solvers.increments import LEAST_SHARE, Increments
 from ..solvers.methods import SOLVERS
 from .checkpoints import Checkpoints
 from .controlled import DisplacementPath
@@ -123,11 +123,14 @@ class Equilibria:
     ----------
     through : bool
         Whether the body has separated between its supports, which ends the stage.
+    least : float
+        Least part of a planned increment that is tried after failures.
     taken : dict
         What the row of the next output says of the increments to it.
     """
 
     through = False
+    least = LEAST_SHARE
 
     def __init__(
         self, run: Run, stage: Stage, solver: EquilibriumSolver, checkpoints: Checkpoints
@@ -143,7 +146,7 @@ class Equilibria:
         )
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self.taken: dict[str, float] = {}
+        self.taken: dict[str, float | None] = {}
 
     def go(self) -> bool:
         """Compute and record the remaining outputs of the stage; return whether its end was
@@ -345,7 +348,7 @@ class Equilibria:
         logger.info(
             "increment to %s failed and is shortened: %s", self._path.at(increments.target), error
         )
-        if increments.shorten():
+        if increments.shorten(self.least):
             return
         last = f"the last equilibrium was found at {self._path.last()}"
         if self.stage.control is None and at != self._last_output.parameter:

@@ -4,10 +4,12 @@ the overstress (theory, section 30).
 
 import logging
 import warnings
+from typing import Any
 
 import numpy as np
 
 from ..forces.internal_force import path_error
+from ..scenes.amplitudes import amplitude_of, values_of
 from ..scenes.model import entries_of
 from ..solvers.equilibrium import Equilibrium
 from ..solvers.increments import Increments
@@ -15,14 +17,14 @@ from .levels import Accepted, Equilibria
 
 logger = logging.getLogger(__name__)
 
-PATH_ERROR = 3e-4
-"""Greatest estimate of the error of an overstress in an increment, over the greatest overstress so
-far. Chosen: errors of homogeneous ramps, holds and creep are up to three times the estimate, and
-stay below 1e-3.
+PATH_ERROR = 5e-4
+"""Greatest estimate of the error of an overstress, over the greatest one so far, and distance of an
+amplitude from the path of a step, over its range. Chosen: errors of homogeneous motions in
+steps of many relaxation times are twice the estimate.
 """
 
-GROWTH = 1 / 8
-"""Change of the error if an increment is halved: it is of third order."""
+GROWTH = 1 / 4
+"""Change of the error if increments are halved: it is of second order."""
 
 LEAST_SHARE = 1 / 4096
 """Least part of a planned increment. After a sudden load bodies creep within a few percent of a
@@ -35,7 +37,26 @@ class Relaxing(Equilibria):
 
     Steps of branches follow the parabola through the last three equilibria. Where the motion turns,
     two equal increments begin a new one, and are found again together if they were too long.
+    Amplitudes are known beforehand: increments are divided until a loading keeps to the path.
     """
+
+    def __init__(self, *of_stage: Any) -> None:
+        super().__init__(*of_stage)
+        run = self.run
+        # Of branches whose times depend on the overstress, errors are not known.
+        self._known = not any(term.settles for term in run.force.terms)
+        self._total = sum(stage.duration or 0.0 for stage in run.stages)
+        branches = [one for law, _ in run.force.laws for one in law.memory.branches]
+        self._least = min(self._total, *(one.time for one in branches)) if self._known else 0.0
+        ends = [0.0, *(stage.to for stage in run.stages if stage.control is None)]
+        entries = entries_of(run.problem.scene, "prescribed", "loads", "obstacles")
+        curved = {one.amplitude for _, one in entries if isinstance(one.amplitude, str)} - {"ramp"}
+        if self.stage.control or not self._known:
+            curved = set()
+        ranges = {one: float(np.ptp(values_of(one, min(ends), max(ends))[1])) for one in curved}
+        self._ranges = {one: size for one, size in sorted(ranges.items()) if size}
+        if self._ranges:
+            self.least = LEAST_SHARE
 
     def go(self) -> bool:
         state = self.run.state
@@ -63,6 +84,24 @@ class Relaxing(Equilibria):
         rows = [t for table in tables if not isinstance(table, str) for t, _ in table]
         return bool(np.isclose(rows, self.run.state.parameter, rtol=1e-9, atol=1e-12).any())
 
+    def _leaves_path(self, increments: Increments) -> float:
+        """Return the greatest distance, over its range, of an amplitude in the present increment
+        from the path of a step: the parabola through its last three values, first a straight line.
+        """
+        run, state = self.run, self.run.state
+        greatest = 0.0
+        for amplitude, size in self._ranges.items():
+            x, values = values_of(amplitude, state.parameter, increments.target)
+            begin, end = values[0], values[-1]
+            path = begin + (end - begin) * x
+            if state.before and run.earlier:
+                p = state.before / increments.duration
+                earlier = amplitude_of(amplitude)(run.earlier[0])
+                bend = earlier - begin + (end - begin) * p
+                path += bend * x * (x - 1) / (p * (1 + p))
+            greatest = max(greatest, float(np.abs(values - path).max()) / size)
+        return greatest
+
     def _go_to(self, stop: float, time: float) -> Equilibrium | None:
         run, state = self.run, self.run.state
         if self._turns_here():
@@ -71,17 +110,29 @@ class Relaxing(Equilibria):
         begin = None if state.before or not time else Accepted(run, self.solver)
         if begin and increments.size:
             increments.shorten()
-        taken, greatest = 0, 0.0
+        taken, greatest, worst, lost = 0, 0.0, 0.0, 0.0
         while not increments.finished:
+            bent = 0.0
+            if time:
+                while (bent := self._leaves_path(increments)) > PATH_ERROR and increments.shorten(
+                    LEAST_SHARE
+                ):
+                    pass
             equilibrium, before = self._attempt(increments)
             # The first of two increments that begin a motion is judged with the second.
             waits = begin and not state.before and increments.share < 1
             error, overstress = 0.0, 0.0
             if time and not waits:
                 begins = bool(begin and state.before)
-                error, overstress = path_error(run.force, run.positions, begins)
+                error, lasting, overstress = path_error(
+                    run.force, run.positions, begins, self._total
+                )
+                # Errors add up to a part of the greatest overstress if they are that part of what
+                # they add to it, or if they are less the more of them there are.
+                grown = overstress - state.overstress
                 overstress = max(overstress, state.overstress)
-                error = error / overstress if overstress else 0.0
+                lasting = lasting / overstress if overstress else 0.0
+                error = min(error / grown, lasting) if grown > 0 else lasting
                 tried, share, left = increments.target, increments.share, error
                 while left > PATH_ERROR and increments.shorten(LEAST_SHARE):
                     left *= GROWTH
@@ -90,19 +141,24 @@ class Relaxing(Equilibria):
                     (begin or before).restore(run, self.solver)
                     if begin:
                         increments.restart()
-                        taken = 0
+                        taken, worst, lost = 0, 0.0, 0.0
                     continue
             increments.grows = error < GROWTH * PATH_ERROR
             state.overstress = max(overstress, state.overstress)
             if not waits:
                 begin = None
-            taken, greatest = taken + 1, max(greatest, error)
+            if bent > PATH_ERROR:
+                # Overstresses remember a distance for a relaxation time.
+                worst, lost = max(worst, bent), lost + bent * increments.duration / self._least
+            taken, greatest = taken + 1, max(greatest, error * overstress)
             self._accept(increments, before)
             if run.damage is not None and run.body.share.any(
                 len(run.damage.failing(run.force).pairs) > 0
             ):
                 return None
-        self._count(taken, greatest)
+        # An error counts over the greatest overstress now, which may be far above that of its time.
+        greatest /= state.overstress or 1.0
+        self._count(taken, max(greatest, min(worst, lost)))
         return equilibrium
 
     def _check(self, increments: Increments, reached: float, guess: np.ndarray) -> None:
@@ -119,7 +175,7 @@ class Relaxing(Equilibria):
         """Add increments, and the greatest estimate of their errors, to the next output."""
         self.taken = {
             "increments": self.taken.get("increments", 0) + taken,
-            "path_error": max(self.taken.get("path_error", 0.0), error),
+            "path_error": max(self.taken.get("path_error") or 0.0, error) if self._known else None,
         }
         if error > PATH_ERROR and self.run.ranks.rank == 0:
             warnings.warn(

@@ -125,6 +125,22 @@ def turns_of(amplitude: str | tuple, begin: float, end: float) -> list[float]:
     return t[1:-1][slopes[1:] * slopes[:-1] < 0].tolist()
 
 
+def values_of(amplitude: str, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return `SAMPLES` values of an expression between two values of t, and where they are, from 0
+    to 1: unevenly, so that no oscillation falls in with them.
+
+    Examples
+    --------
+    >>> where, values = values_of("sin(1000*pi*t)**2", 0.0, 1.0)
+    >>> bool(where[0] == 0 and where[-1] == 1), float(values.max().round(3))
+    (True, 1.0)
+    """
+    number = np.arange(SAMPLES)
+    where = (number + number * (5**0.5 - 1) / 2 % 1) / SAMPLES
+    where[-1] = 1.0
+    return where, np.array(list(map(amplitude_of(amplitude), begin + where * (end - begin))))
+
+
 def _compiled(text: str) -> CodeType:
     """Return the compiled code of an expression of t, which is safe to run.
 
