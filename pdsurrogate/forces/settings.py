@@ -28,11 +28,10 @@ SETTINGS = {
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
-    "paths": (True,),
     "plane": tuple(PLANES),
 }
-"""Settings of a force evaluation, and their possible values other than the default of
-`ForceSettings`.
+"""Settings of a force evaluation that models honor or refuse, and their possible values other than
+the default of `ForceSettings`.
 """
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
@@ -106,9 +105,10 @@ class ForceSettings:
         for field in fields(self):
             key = field.name
             value = getattr(self, field.name)
-            if value not in (field.default, *SETTINGS[key]):
+            values = SETTINGS.get(key, (True,))
+            if value not in (field.default, *values):
                 raise ValueError(
-                    f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}"
+                    f"{key} must be one of {', '.join(map(str, values))}, not {value!r}"
                 )
 
     def check(self, name: str, honors: Mapping[str, tuple]) -> None:
@@ -142,8 +142,7 @@ class ForceSettings:
             value = getattr(self, field.name)
             # The default of every setting but the plane is a value that all models accept.
             usual = value == field.default and (key != "plane" or key not in honors)
-            usual |= key == "paths"
-            if usual or value in honors.get(key, ()):
+            if usual or key not in SETTINGS or value in honors.get(key, ()):
                 continue
             where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honors[key]} if key in honors else honors
