@@ -230,13 +230,13 @@ def in_words(law: Law) -> str:
     """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all
     digits.
     """
-    return _inline(law.describe())
+    return inline(law.describe())
 
 
-def _inline(value: Any) -> str:
+def inline(value: Any) -> str:
     """Return a value as TOML in a line."""
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}={_inline(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key}={inline(one)}' for key, one in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_inline, value))}]"
+        return f"[{', '.join(map(inline, value))}]"
     return json.dumps(value)

@@ -20,7 +20,9 @@ Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389.
 
 
 POWERS: dict[str, Callable] = {"mu": lambda a: 1.0, "mu_1": lambda a: a, "mu_2": lambda a: a / 2}
-"""What programs take for a term mu/a (l1^a + l2^a + l3^a - 3), over mu, by name."""
+"""Factors, as functions of the exponent a, between the mu of a term mu/a (l1^a + l2^a + l3^a - 3)
+and the constant that a program has in its place, by the name of that constant in programs.toml.
+"""
 
 
 def _volume(U: Callable, slope: Callable, curvature: Callable) -> Callable:
@@ -87,7 +89,7 @@ def constants_of(law: Law) -> dict[str, tuple[float, ...]]:
     links N and lock its root.
     """
     mu, K = law.shear_modulus, law.bulk_modulus
-    found = {"mu0": (mu,), "K": (K,), "nu": ((3 * K - 2 * mu) / (6 * K + 2 * mu),)}
+    found = {"mu0": (mu,), "K": (K,), "nu": (law.poisson_ratio,)}
     shape = law.shape
     terms = 1
     moduli: Sequence[float] = ()

@@ -2,17 +2,17 @@
 ``convert``, which says what law the material card of another program states.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from typer import Argument, Option
 
+from ..artifacts.material import inline
 from ..cards.programs import PROGRAMS
 from ..cards.reading import built, read_card
 from ..cards.writing import card_of, differences
-from ..export import exported, file_name, source_of_artifact, source_of_law
+from ..export import TARGETS, exported, file_name, identifier_of, source_of_artifact, source_of_law
 from ..materials import LAWS
 from ..results.files import write_text
 from ..scenes import MaterialSpec
@@ -32,10 +32,7 @@ def export(
     ],
     *,
     to: Annotated[
-        Literal[
-            *("felupe", "umat", "calculix-umat", "ufl", "c", "abaqus-card", "calculix-card"),
-            *("ansys", "ls-dyna", "openradioss", "febio", "mfront"),
-        ],
+        Literal[*TARGETS, *PROGRAMS],
         Option("--to", help="Program or language."),
     ],
     change: SetLaw = None,
@@ -70,7 +67,7 @@ def export(
             f" {source.law.name}, or the energy --to umat"
         )
     else:
-        stem = Path(file_name(source, "c")).stem
+        stem = identifier_of(source)
         text = card_of(source.law, to, stem.upper())
         path = folder / f"{stem}{PROGRAMS[to].suffix}"
     check_folder(folder)
@@ -95,16 +92,10 @@ def convert(
     """Print the law of a material card as a scene takes it, and what differs."""
     keys, form, remarks = read_card(card, name)
     print_json(keys)
-    pairs = ", ".join(f"{key} = {_toml(value)}" for key, value in keys.items())
+    pairs = ", ".join(f"{key} = {inline(value)}" for key, value in keys.items())
     out.print(f"material = {{ {pairs} }}", markup=False, highlight=False, soft_wrap=True)
     if "bulk_modulus" not in keys:
         remarks += ("The card states no bulk modulus: add bulk_modulus to the material.",)
         keys |= {"bulk_modulus": 100 * keys.get("shear_modulus", 1.0)}
     for text in (*remarks, *differences(built(keys), form)):
         note(text)
-
-
-def _toml(value) -> str:
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {number}' for key, number in value.items())} }}"
-    return json.dumps(value)

@@ -3,4 +3,4 @@ C.
 """
 
 from .source import Source, source_of_artifact, source_of_law
-from .writing import TARGETS, exported, file_name
+from .writing import TARGETS, exported, file_name, identifier_of

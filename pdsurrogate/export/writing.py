@@ -140,10 +140,10 @@ TARGETS = {
 
 def file_name(source: Source, target: str) -> str:
     """Return the name of the file to which an energy is exported."""
-    return _identifier(source) + TARGETS[target].suffix
+    return identifier_of(source) + TARGETS[target].suffix
 
 
-def _identifier(source: Source) -> str:
+def identifier_of(source: Source) -> str:
     """Return the title of an energy as a name that all languages accept."""
     name = re.sub(r"[^a-z0-9]+", "_", source.title.partition(" ")[0].lower()).strip("_")
     return name if name[:1].isalpha() else f"energy_{name}"
@@ -198,7 +198,7 @@ def _values(source: Source, language: Language) -> dict:
     d = 2 if source.is_sheet else 3
     moduli = ("shear_modulus", "bulk_modulus")[: len(source.moduli)]
     return {
-        "name": _identifier(source),
+        "name": identifier_of(source),
         "shear_modulus": language.literal(source.law.shear_modulus),
         "bulk_modulus": language.literal(source.law.bulk_modulus),
         "moduli": ", ".join(f"double {key}" for key in moduli),
@@ -301,7 +301,7 @@ def _header(source: Source, target: Target) -> str:
         "plane stress, of a sheet that keeps its volume",
     ]
     use = target.use.format(
-        name=_identifier(source),
+        name=identifier_of(source),
         constants=len(props),
         props=", ".join(props),
         elements=elements[source.is_sheet],

@@ -115,6 +115,19 @@ class Law(ABC):
         """
         return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
+    @property
+    def poisson_ratio(self) -> float:
+        """Poisson's ratio for small strains.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.NeoHookean(shear_modulus=3.0, bulk_modulus=5.0).poisson_ratio
+        0.25
+        """
+        K, mu = self.bulk_modulus, self.shear_modulus
+        return (3 * K - 2 * mu) / (6 * K + 2 * mu)
+
     @staticmethod
     def volumetric(J3, parameters):
         """Return the volumetric energy U and its derivatives; by default U = K/8 (J3 - 1/J3)^2, Eq.

@@ -309,8 +309,7 @@ def factor_of(law: Law, stretch: float, plane: str, surface: Surface | None = No
     For small strains it follows from the fields of Williams; for large ones it is 1 in neo-Hookean
     material. A solid has the factor of plane strain.
     """
-    K, mu = law.bulk_modulus, law.shear_modulus
-    nu = (3 * K - 2 * mu) / (6 * K + 2 * mu)
+    nu = law.poisson_ratio
     kappa = (3 - nu) / (1 + nu) if plane == "stress" else 3 - 4 * nu
     small = surface.small_factor(nu, plane) if surface else (2 * kappa - 1) / (2 * kappa + 2)
     share = np.interp(-1 / stretch, -1 / np.array(STRETCHES), SHARES)

@@ -50,7 +50,9 @@ class Relaxing(Equilibria):
         self._least = min(self._total, *(one.time for one in branches)) if self._known else 0.0
         ends = [0.0, *(stage.to for stage in run.stages if stage.control is None)]
         entries = entries_of(run.problem.scene, "prescribed", "loads", "obstacles")
-        curved = {one.amplitude for _, one in entries if isinstance(one.amplitude, str)} - {"ramp"}
+        amplitudes = {one.amplitude for _, one in entries}
+        curved = {one for one in amplitudes if isinstance(one, str)} - {"ramp"}
+        self._rows = [t for table in amplitudes if not isinstance(table, str) for t, _ in table]
         if self.stage.control or not self._known:
             curved = set()
         ranges = {one: float(np.ptp(values_of(one, min(ends), max(ends))[1])) for one in curved}
@@ -79,10 +81,7 @@ class Relaxing(Equilibria):
 
     def _turns_here(self) -> bool:
         """Return whether a table of amplitudes has a row at the present loading parameter."""
-        entries = entries_of(self.run.problem.scene, "prescribed", "loads", "obstacles")
-        tables = (entry.amplitude for _, entry in entries)
-        rows = [t for table in tables if not isinstance(table, str) for t, _ in table]
-        return bool(np.isclose(rows, self.run.state.parameter, rtol=1e-9, atol=1e-12).any())
+        return bool(np.isclose(self._rows, self.run.state.parameter, rtol=1e-9, atol=1e-12).any())
 
     def _leaves_path(self, increments: Increments) -> float:
         """Return the greatest distance, over its range, of an amplitude in the present increment
@@ -102,6 +101,18 @@ class Relaxing(Equilibria):
             greatest = max(greatest, float(np.abs(values - path).max()) / size)
         return greatest
 
+    def _judged(self, begins: bool) -> tuple[float, float]:
+        """Return the estimate of the error of the present increment, over the greatest overstress,
+        and that overstress; `begins` is that of `path_error`.
+        """
+        run, before = self.run, self.run.state.overstress
+        error, lasting, overstress = path_error(run.force, run.positions, begins, self._total)
+        # Errors add up to a part of the greatest overstress if they are that part of what they add
+        # to it, or if they are less the more of them there are.
+        grown, greatest = overstress - before, max(overstress, before)
+        lasting = lasting / greatest if greatest else 0.0
+        return (min(error / grown, lasting) if grown > 0 else lasting), greatest
+
     def _go_to(self, stop: float, time: float) -> Equilibrium | None:
         run, state = self.run, self.run.state
         if self._turns_here():
@@ -112,27 +123,15 @@ class Relaxing(Equilibria):
             increments.shorten()
         taken, greatest, worst, lost = 0, 0.0, 0.0, 0.0
         while not increments.finished:
-            bent = 0.0
-            if time:
-                while (bent := self._leaves_path(increments)) > PATH_ERROR and increments.shorten(
-                    LEAST_SHARE
-                ):
-                    pass
+            bent = self._leaves_path(increments) if time else 0.0
+            while bent > PATH_ERROR and increments.shorten(LEAST_SHARE):
+                bent = self._leaves_path(increments)
             equilibrium, before = self._attempt(increments)
             # The first of two increments that begin a motion is judged with the second.
             waits = begin and not state.before and increments.share < 1
-            error, overstress = 0.0, 0.0
+            error, overstress = 0.0, state.overstress
             if time and not waits:
-                begins = bool(begin and state.before)
-                error, lasting, overstress = path_error(
-                    run.force, run.positions, begins, self._total
-                )
-                # Errors add up to a part of the greatest overstress if they are that part of what
-                # they add to it, or if they are less the more of them there are.
-                grown = overstress - state.overstress
-                overstress = max(overstress, state.overstress)
-                lasting = lasting / overstress if overstress else 0.0
-                error = min(error / grown, lasting) if grown > 0 else lasting
+                error, overstress = self._judged(begins=bool(begin and state.before))
                 tried, share, left = increments.target, increments.share, error
                 while left > PATH_ERROR and increments.shorten(LEAST_SHARE):
                     left *= GROWTH
@@ -144,7 +143,7 @@ class Relaxing(Equilibria):
                         taken, worst, lost = 0, 0.0, 0.0
                     continue
             increments.grows = error < GROWTH * PATH_ERROR
-            state.overstress = max(overstress, state.overstress)
+            state.overstress = overstress
             if not waits:
                 begin = None
             if bent > PATH_ERROR:

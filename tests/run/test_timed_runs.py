@@ -297,7 +297,9 @@ def test_kinks_saturation_and_cycles_between_outputs_are_followed(amplitude, val
         for one in (((1.0, 4.0),), ((1e-9, 4.0),))
     )
     peak = 0.7  # at least, of the overstress
-    assert found["forces"]["right"][0] / 0.5 == pytest.approx(stress, abs=1e-3 * peak)
+    error = abs(found["forces"]["right"][0] / 0.5 - stress) / peak
+    # Of homogeneous motions errors are at most twice the estimate.
+    assert error <= min(1e-3, 2 * found["path_error"])
     assert abs(stress - elastic) > 0.01
     assert found["path_error"] <= 5e-4
 
