@@ -327,7 +327,8 @@ class Body:
         >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.26).bonds.n_directed
         48
         """
-        return Bonds.of(self.points, self.ghosts, self.horizon, self.spacing, self.separates)
+        cell = np.asarray(self.cell)
+        return Bonds.of(self.points, self.ghosts, self.horizon, self.spacing, cell, self.separates)
 
     @cached_property
     def extent(self) -> float:

@@ -24,6 +24,16 @@ SLAB = 500_000
 takes 4 MB, and calls of NumPy cost nothing beside the work on so many numbers.
 """
 
+EMPTY = 16
+"""Greatest number of places of a lattice for each point on it; in emptier boxes pairs are found by
+a search. Chosen: the table of the places then takes no more than the lists of a point's pairs.
+"""
+
+ON_LATTICE = 1e-9
+"""Greatest distance of points from the places of a lattice, in cells. Chosen above the rounding of
+positions; it decides about the horizon no more than `WITH_ROUNDING` does.
+"""
+
 COINCIDING = 1e-9
 """Distance of two points, divided by the horizon, below which the points are refused as coinciding:
 a bond between them has no direction. Chosen far above the rounding of positions and far below any
@@ -47,12 +57,8 @@ class Bonds:
     ends : ndarray of uint32, shape (2, k)
         Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
     n_pairs : int
-    pair_pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the pairs with each point as `first` begin.
-    incidence_pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the entries of each point in `incidence` begin.
-    incidence : ndarray of uint32
-        Pairs in which each point is `second`.
+    pairs_of_points : tuple of ndarray
+        Pairs of all points and ghosts, see `pairs_of_points`.
     pair_of : ndarray of uint32
         Pair of each entry of `neighbors`.
     cut : ndarray, shape (k, 2)
@@ -69,9 +75,7 @@ class Bonds:
     neighbors: np.ndarray
     ends: np.ndarray
     n_pairs: int
-    pair_pointers: np.ndarray
-    incidence_pointers: np.ndarray
-    incidence: np.ndarray
+    pairs_of_points: tuple[np.ndarray, np.ndarray, np.ndarray]
     pair_of: np.ndarray
     cut: np.ndarray
     n_directed: int
@@ -107,9 +111,10 @@ class Bonds:
         ghosts: Ghosts,
         horizon: float,
         spacing: float,
+        cell: np.ndarray,
         separates: Callable | None,
     ) -> Bonds:
-        """Return the bonds of a body with the given points and ghosts; for `separates` see `Body`.
+        """Return the bonds of a body with the given points and ghosts; for the others see `Body`.
 
         Raise ValueError if they are too many, or if there are none.
         """
@@ -123,7 +128,9 @@ class Bonds:
             )
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed
         # it by rounding.
-        first, second = _pairs_within(every, horizon * WITH_ROUNDING, n)
+        reach = horizon * WITH_ROUNDING
+        found = _pairs_on_lattice(every, cell, reach, n)
+        first, second = _pairs_within(every, reach, n) if found is None else found
         first, second = _with_partners(points, ghosts, horizon, first, second)
         cut = np.empty((0, 2), dtype=np.uint32)
         if separates is not None and len(first):
@@ -138,29 +145,42 @@ class Bonds:
                 f"the horizon {horizon:g} is too small: it contains no neighbor at the spacing"
                 f" {spacing:g}"
             )
-        numbers = np.arange(len(first), dtype=np.uint32)
-        ends = np.stack([np.pad(end, (0, -len(end) % PADDED)) for end in (first, second)])
-
-        within = np.flatnonzero(second < n).astype(np.uint32)
-        incidence = within[np.argsort(second[within], kind="stable")]
+        ends = np.zeros((2, -(-len(first) // PADDED) * PADDED), dtype=np.uint32)
+        ends[:, : len(first)] = first, second
+        of_points = pairs_of_points(first, second, len(every))
+        own, others, incidence = of_points
+        incidence = incidence[: int(others[n])]
         # The neighbors of a point are in rising order: first those of pairs in which it is second,
         # then those in which it is first.
-        owner = np.concatenate([second[incidence], first])
-        order = np.argsort(owner, kind="stable")
-        neighbors = np.concatenate([first[incidence], second])[order]
-        pair_of = np.concatenate([incidence, numbers])[order]
+        counts = np.stack([np.diff(each[: n + 1].astype(np.int64)) for each in (others, own)])
+        forward = np.repeat(np.arange(2 * n) % 2 > 0, counts.ravel("F"))
+        neighbors, pair_of = np.empty((2, len(forward)), dtype=np.uint32)
+        neighbors[forward] = second
+        pair_of[forward] = np.arange(len(first))
+        backward = ~forward
+        neighbors[backward] = first[incidence]
+        pair_of[backward] = incidence
+        pointers = (own + others)[: n + 1]
         return cls(
-            pointers_to(owner, n),
-            np.ascontiguousarray(neighbors),
-            ends,
-            len(first),
-            pointers_to(first, n),
-            pointers_to(second[within], n),
-            incidence,
-            pair_of,
-            cut,
-            2 * len(within),
+            pointers, neighbors, ends, len(first), of_points, pair_of, cut, 2 * len(incidence)
         )
+
+
+def pairs_of_points(
+    first: np.ndarray, second: np.ndarray, total: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pairs of each of `total` points, given by their ends, where `first` is sorted, in
+    three arrays.
+
+    They are: index at which the pairs with each point as first end begin; index into the third
+    array at which the pairs with each as second end begin; numbers of the pairs ordered by second
+    end.
+    """
+    own = pointers_to(first, total)
+    # counting, in a sixth of the time of sorting
+    entries = np.arange(len(first), dtype=np.int32), second.astype(np.int32), own.astype(np.int32)
+    by_second = scipy.sparse.csr_array(entries, shape=(total, total)).tocsc()
+    return own, by_second.indptr.astype(np.uint64), by_second.data.astype(np.uint32)
 
 
 def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
@@ -221,3 +241,40 @@ def _pairs_within(points: np.ndarray, reach: float, count: int) -> tuple[np.ndar
     keys.sort()
     first, second = np.divmod(keys, total)
     return first.astype(np.uint32), second.astype(np.uint32)
+
+
+def _pairs_on_lattice(
+    points: np.ndarray, cell: np.ndarray, reach: float, count: int
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the pairs as `_pairs_within` does, from the numbers of the points in a table of the
+    places of a lattice with the sides `cell`; None if the points are on none or coincide.
+    """
+    places = (points - points.min(axis=0)) / cell
+    steps = np.rint(places)
+    margin = (reach / cell).astype(int)
+    shape = steps.max(axis=0) + 2 * margin + 1
+    if np.abs(places - steps).max() > ON_LATTICE or shape.prod() > EMPTY * len(points) + 1e6:
+        return None
+    # The first coordinate varies fastest, as in the numbers of `Cells.centers`.
+    strides = np.append(1, shape[:-1]).cumprod().astype(int)
+    at = (steps.astype(int) + margin) @ strides
+    table = np.full(int(shape.prod()), -1, dtype=np.int32)
+    table[at] = np.arange(len(points))
+    if (table[at] != np.arange(len(points))).any():
+        return None
+    ways = np.stack(np.meshgrid(*(np.arange(-m, m + 1) for m in margin)), axis=-1)
+    ways = ways.reshape(-1, len(margin))
+    ways = np.sort(ways[np.linalg.norm(ways * cell, axis=1) <= reach] @ strides)
+    found = []
+    for start in range(0, count, max(1, SLAB // len(ways))):
+        of_slab = np.arange(start, min(start + max(1, SLAB // len(ways)), count))
+        ends = table[at[of_slab, None] + ways]
+        later = ends > of_slab[:, None]
+        one = np.repeat(of_slab, np.count_nonzero(later, axis=1))
+        other = ends[later]
+        keys = one * len(points) + other
+        if (keys[1:] < keys[:-1]).any():
+            one, other = np.divmod(np.sort(keys), len(points))
+        found.append((one.astype(np.uint32), other.astype(np.uint32)))
+    first, second = (np.concatenate(ends) for ends in zip(*found, strict=True))
+    return first, second

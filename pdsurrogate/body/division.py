@@ -92,7 +92,7 @@ def rows_of(body: Body, kind: str) -> Rows:
         whole = np.sort(np.concatenate(share.everywhere(names[own])))
         numbers = np.concatenate([share.numbers, share.size + np.searchsorted(whole, names)])
         return Rows(share.ranks, numbers, np.concatenate([share.own, own]), share.size + len(whole))
-    pointers = bonds.pointers if kind == "bonds" else bonds.pair_pointers
+    pointers = bonds.pointers if kind == "bonds" else bonds.pairs_of_points[0][: len(body) + 1]
     counts = np.diff(pointers).astype(np.int64)
     whole = share.gather(counts)
     total = share.ranks.to_all(None if whole is None else int(whole.sum()))

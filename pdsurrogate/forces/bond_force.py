@@ -76,8 +76,7 @@ class BondForces(MaterialTerm):
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
         out = np.empty_like(body.points)
-        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        sums = material_sums(self.kinematics, self.parts, "forces", lists, out)
+        sums = material_sums(self.kinematics, self.parts, "forces", out)
         self.in_units = list(enumerate(sums[: len(models)]))
         self.bind_steps(*(part.find for part in self.parts), *sums)
 

@@ -11,7 +11,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
-from .kinematics import Kinematics, entries_of, matrices, pairs_of_points
+from .kinematics import Kinematics, entries_of, matrices
 from .steps import Step
 
 
@@ -37,8 +37,6 @@ class BondShares:
     strength : ndarray, shape (n_pairs,)
         Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken
         pairs.
-    pairs_of_points : tuple of ndarray
-        Pairs of every point and ghost, see `pdsurrogate.forces.kinematics.pairs_of_points`.
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:
@@ -52,8 +50,6 @@ class BondShares:
         self.strength = (
             body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         )
-        # ghosts are first in none
-        self.pairs_of_points = pairs_of_points(bonds.first, bonds.second, total)
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
@@ -259,7 +255,7 @@ class BondShares:
         """
         n = len(self._body)
         d = self._body.dimension
-        own, others, incidence = self.pairs_of_points
+        own, others, incidence = self._body.bonds.pairs_of_points
         pairs = own[n:], others[n:], incidence
         found = np.empty_like(stresses[n:])
         on_ghosts = np.empty_like(self._node_parts)

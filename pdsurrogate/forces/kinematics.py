@@ -369,23 +369,6 @@ def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
-def pairs_of_points(
-    first: np.ndarray, second: np.ndarray, total: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pairs of each of `total` points, given by their ends, where `first` is sorted, in
-    three arrays.
-
-    They are: index at which the pairs with each point as first end begin; index into the third
-    array at which the pairs with each as second end begin; numbers of the pairs ordered by second
-    end.
-    """
-    return (
-        pointers_to(first, total),
-        pointers_to(second, total),
-        np.argsort(second, kind="stable").astype(np.uint32),
-    )
-
-
 def matrices(columns: np.ndarray) -> np.ndarray:
     """Return matrices, shape (k, d, d), from arrays that store them by columns, shape (k, d d);
     a view where possible.

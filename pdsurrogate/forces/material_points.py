@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..body.bonds import pointers_to
+from ..body.bonds import pairs_of_points, pointers_to
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..errors import InvalidState
@@ -16,7 +16,7 @@ from ..kernels.material_copies import copy_values, gather_rows, see_points
 from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law
 from .errors import at_point, why_invalid
-from .kinematics import Kinematics, matrices, pairs_of_points
+from .kinematics import Kinematics, matrices
 from .settings import ROTATION, ROTATIONS
 from .steps import Steps
 
@@ -163,12 +163,10 @@ class MaterialPoints:
         chosen = np.flatnonzero(np.searchsorted(self.pairs, pairs, side="right") > places)
         return places[chosen], chosen
 
-    def pairs_of_points(self, of_body: tuple) -> tuple[np.ndarray, ...]:
-        """Return the pairs of each point of this object, see `pairs_of_points` of `kinematics`;
-        `of_body` are those of the body.
-        """
+    def pairs_of_points(self) -> tuple[np.ndarray, ...]:
+        """Return the pairs of each point of this object, see `pdsurrogate.body.bonds`."""
         if self.whole:
-            return of_body
+            return self._kinematics.body.bonds.pairs_of_points
         ends = (end[: len(self.pairs)] for end in (self.first, self.second))
         return pairs_of_points(*ends, len(self.positions))
 
@@ -302,15 +300,14 @@ def material_sums(
     kinematics: Kinematics,
     parts: Sequence,
     quantity: str,
-    pairs: tuple,
     out: np.ndarray,
     theirs=None,
 ) -> list[BoundPass]:
     """Return the passes that sum the "forces" or "moments" of pairs at the points of a body, see
     `rows_of_each`.
 
-    `parts` hold the pairs of each material in units of ``part.unit``, and `pairs` are those of the
-    points of the body. The first passes are one for each material, in order.
+    `parts` hold the pairs of each material in units of ``part.unit``. The first passes are one for
+    each material, in order.
     """
     add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
     rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
@@ -318,7 +315,7 @@ def material_sums(
         kinematics.bind(
             add_up[kinematics.body.dimension],
             getattr(part, quantity),
-            *part.points.pairs_of_points(pairs),
+            *part.points.pairs_of_points(),
             float(part.unit),
             own_rows,
         )

@@ -108,7 +108,7 @@ class PairEnergy(MaterialTerm):
             seen = [np.zeros_like(array) for array in (self._on_points, self._stresses)]
         shares = self.shares
         forces, moments = (
-            material_sums(self.kinematics, self.parts, quantity, shares.pairs_of_points, *arrays)
+            material_sums(self.kinematics, self.parts, quantity, *arrays)
             for quantity, *arrays in (
                 ("forces", self._on_points, seen[0]),
                 ("moments", self._stresses, seen[1]),

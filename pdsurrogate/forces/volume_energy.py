@@ -250,7 +250,7 @@ class LinearizedDilatation:
             self._linearize.append(kinematics.bind(dilatation.volume_derivatives[d], *places))
             moved = [displacements, gradients]
             theirs = pressures
-            pairs = points.pairs_of_points(shares.pairs_of_points)
+            pairs = points.pairs_of_points()
             if several:
                 moved = on_points
                 theirs = np.zeros(size, dtype=np.float32)

@@ -23,12 +23,10 @@ def test_bonds_are_all_pairs_within_the_horizon(random):
     ends = np.stack([owners, bonds.neighbors], axis=1)
     pairs = np.stack([bonds.first, bonds.second], axis=1)[bonds.pair_of]
     assert (np.sort(ends, axis=1) == np.sort(pairs, axis=1)).all()
+    pairs, others, incidence = bonds.pairs_of_points
     for i in range(60):
-        listed = bonds.incidence[
-            int(bonds.incidence_pointers[i]) : int(bonds.incidence_pointers[i + 1])
-        ]
-        assert (bonds.second[listed] == i).all()
-        own = slice(int(bonds.pair_pointers[i]), int(bonds.pair_pointers[i + 1]))
+        assert (bonds.second[incidence[int(others[i]) : int(others[i + 1])]] == i).all()
+        own = slice(int(pairs[i]), int(pairs[i + 1]))
         assert (bonds.first[own] == i).all()
 
 
@@ -43,6 +41,22 @@ def test_pairs_include_images_and_coinciding_points_are_refused(random, dimensio
     np.testing.assert_array_equal(np.stack([body.bonds.first, body.bonds.second], axis=1), pairs)
     with pytest.raises(ValueError, match="points 1 and 199 coincide"):
         Body(np.vstack([points[:199], points[1]]), np.full(200, 1 / 200), 0.25)
+
+
+@pytest.mark.parametrize("order", ["of the cells", "any"])
+def test_pairs_of_a_lattice_are_those_of_a_search(random, order):
+    points = grid((-1.0, 0.0, 2.0), (0.0, 1.2, 2.6), 0.1)
+    points = points[random.uniform(size=len(points)) < 0.8]
+    points = points if order == "of the cells" else random.permutation(points)
+    volumes, n = np.full(len(points), 1e-3), len(points)
+    plane = ReflectionPlane(1, 1.2, 1, (1, -1, 1))
+    for horizon in (0.175, 0.3):
+        body = Body(points, volumes, horizon, 0.1, planes=(plane,), cell=(0.1,) * 3)
+        # cells of another size than the lattice's have their points on no lattice
+        searched = Body(points, volumes, horizon, 0.1, planes=(plane,), cell=(0.0901,) * 3)
+        assert len(body.all_points) > n
+        assert (body.bonds.ends == searched.bonds.ends).all()
+        assert (body.bonds.neighbors == searched.bonds.neighbors).all()
 
 
 def test_the_papers_sheet_has_the_papers_bonds():
