@@ -138,14 +138,15 @@ class BondForces(MaterialTerm):
         numbers, changes = self._changes
         broken = np.isin(numbers, pairs)
         gone = numbers[broken]
-        vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]
-        for end in (bonds.first[gone], bonds.second[gone]):
-            np.add.at(self._lost, end, changes[broken][:, :, None] * vectors[:, None] / 2)
-        self._changes = numbers[~broken], changes[~broken]
-        body.ghosts.fill(self._lost)
-        self._lost[len(body) :] *= (
-            body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
-        )
+        if body.share.any(len(gone)):
+            vectors = body.all_points[bonds.second[gone]] - body.all_points[bonds.first[gone]]
+            for end in (bonds.first[gone], bonds.second[gone]):
+                np.add.at(self._lost, end, changes[broken][:, :, None] * vectors[:, None] / 2)
+            self._changes = numbers[~broken], changes[~broken]
+            body.ghosts.fill(self._lost)
+            self._lost[len(body) :] *= (
+                body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
+            )
         for part in self.parts:
             places, _ = part.points.places_of_pairs(changed)
             part.find_geometry(

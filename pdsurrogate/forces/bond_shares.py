@@ -10,7 +10,7 @@ from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
-from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
+from ..kernels.sums import add_node_forces, weigh_moments
 from .kinematics import Kinematics, entries_of, matrices
 from .steps import Step
 
@@ -211,7 +211,9 @@ class BondShares:
         end_shares[places // BLOCK, 0, places % BLOCK] = one
         end_shares[places // BLOCK, 1, places % BLOCK] = other
 
-    def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, *before: Step) -> list[Step]:
+    def steps_to_points(
+        self, moments: np.ndarray, forces: np.ndarray, folded: np.ndarray, *before: Step
+    ) -> list[Step]:
         """Return the steps of an evaluation that turn moments of points into forces, and add forces
         on ghosts to the points they mirror.
 
@@ -222,6 +224,8 @@ class BondShares:
             steps.
         forces : ndarray, shape (n + m, d), or (n, d) without ghosts
             Forces to which the steps add.
+        folded : ndarray, shape (m, d d)
+            Receives the moments of the ghosts, before they are added to others.
         *before : Step
             Steps that compute the other forces, run after the moments of ghosts have been added to
             those of the points they mirror.
@@ -240,32 +244,10 @@ class BondShares:
             before = *before, *changed.pull_steps(moments, forces)
         if not len(ghosts):
             return [moments, *before, weigh, own]
-        fold = kinematics.bind(fold_matrices, moments, *kinematics.gradient_ghosts.of_gradients)
+        of_ghosts = kinematics.gradient_ghosts.of_gradients
+        fold = kinematics.bind(fold_matrices, moments, *of_ghosts, folded)
         fold_forces = kinematics.bind(fold_vectors, forces, ghosts.source, ghosts.parity)
         return [fold, moments, *before, weigh, own, others, fold_forces]
-
-    def on_ghosts(
-        self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d
-        d).
-
-        `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses`
-        the moments of points and ghosts after the steps of `steps_to_points`.
-        """
-        n = len(self._body)
-        d = self._body.dimension
-        own, others, incidence = self._body.bonds.pairs_of_points
-        pairs = own[n:], others[n:], incidence
-        found = np.empty_like(stresses[n:])
-        on_ghosts = np.empty_like(self._node_parts)
-        sum_moments[d](moments, *pairs, 1.0, found)
-        sum_pair_forces[d](forces, *pairs, 1.0, on_ghosts[n:])
-        add_node_forces[d](stresses, *self._of_ghosts, n, self._node_parts, on_ghosts)
-        for changed in self._kinematics.changed:
-            pulls = self.pulls(stresses, changed.owners, changed.changes)
-            np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed.numbers], pulls)
-        return on_ghosts[n:], found
 
     def pulls(self, stresses: np.ndarray, owners: np.ndarray, changes: np.ndarray) -> np.ndarray:
         """Return the derivatives of the energy by the ends of bonds whose weights in gradients of

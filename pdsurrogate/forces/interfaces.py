@@ -368,7 +368,10 @@ class Interfaces:
         apart, on_apart = self._tears.steps_back(on_jumps, on_points) if self._tears else ([], [])
         return [
             self._kinematics.bind(
-                fold_matrices, moments, *self._kinematics.gradient_ghosts.of_gradients
+                fold_matrices,
+                moments,
+                *self._kinematics.gradient_ghosts.of_gradients,
+                np.zeros((len(ghosts), d * d)),
             ),
             moments,
             *(self._tears.kept_rows(moments) if self._tears else []),

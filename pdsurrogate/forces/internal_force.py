@@ -303,7 +303,17 @@ class InternalForce:
         `displacement` has the shape (d,) and `turn` (d, d). Only clamped planes (odd parity of all
         components) may be turned; if `turn` is None, the plane keeps the turn of the last call.
         """
-        self._kinematics.move_plane(plane, displacement, turn)
+        motions = self._kinematics.plane_motions.copy()
+        motions[plane, :, -1] = displacement
+        if turn is not None:
+            motions[plane, :, :-1] = turn
+        self.move_planes(motions)
+
+    def move_planes(self, motions: np.ndarray) -> None:
+        """Displace all reflection planes by u(X) = turn X + displacement, with the `motions` [turn,
+        displacement] of shape (planes, d, d + 1).
+        """
+        self._kinematics.move_planes(motions)
 
     def deformation_gradients(self, images: bool = False) -> np.ndarray:
         """Return the deformation gradients F of the points, or of their `images` (ghosts), at the
@@ -354,28 +364,22 @@ class InternalForce:
         chosen = np.arange(len(self.body.bonds.first)) if pairs is None else pairs
         return reduce(add, (term.pair_forces(chosen) for term in self.terms))
 
-    def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return the forces on points that are not forces of pairs, in the state last evaluated,
-        shape (n, d); None if there are none.
+    def forces_of_planes(self) -> np.ndarray:
+        """Return the forces (planes, d) that do work on the displacements of the reflection planes,
+        in the state last evaluated: this rank's part.
 
-        Such forces arise at interfaces between materials, where an energy depends on the jumps of
-        the deformation gradient.
+        The force of a single plane is the sum of the forces of all bonds that cross it.
         """
-        found = [
-            forces for term in self.terms if (forces := term.forces_beside_pairs()) is not None
-        ]
-        return reduce(add, found) if found else None
+        return reduce(add, (term.forces_of_planes() for term in self.terms))
 
-    def levers_on_planes(self) -> np.ndarray | None:
+    def levers_on_planes(self) -> np.ndarray:
         """Return the first moments of the forces that reflection planes exert on the body, sums of
-        f (x) y, shape (planes, d, d).
+        f (x) y, shape (planes, d, d), in the state last evaluated: this rank's part.
 
-        f is a force of a plane and y the place where it acts; the sums follow from virtual work in
-        the state last evaluated. None for a force with a term that does not know them, such as one
-        without energy.
+        f is a force of a plane and y the place where it acts. The sums follow from virtual work for
+        terms with an energy; bonds of other terms act on a plane at their middles.
         """
-        found = [levers for term in self.terms if (levers := term.levers_on_planes()) is not None]
-        return reduce(add, found) if len(found) == len(self.terms) else None
+        return reduce(add, (term.levers_on_planes() for term in self.terms))
 
     def applied(self) -> np.ndarray:
         """Return zeros, shape (n, d): no loads are part of an internal force; a `LoadedForce`

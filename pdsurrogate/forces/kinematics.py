@@ -67,6 +67,8 @@ class Kinematics:
         that interfaces omit, and those of `balance`.
     balance : BalancedWeights or None
         Changes of weights that balance the body, see `change_weights`.
+    plane_motions : ndarray, shape (planes, d, d + 1)
+        Motions of the reflection planes, see `move_planes`.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out
         of date.
@@ -111,10 +113,10 @@ class Kinematics:
         self.before: float | None = None
         self._has_steps = False
         self.interfaces = None
-        self._plane_displacements = np.zeros((len(body.planes), d))
-        self._plane_turns = None
+        self.plane_motions = np.zeros((len(body.planes), d, d + 1))
+        self._turned = False
         ghosts = body.ghosts
-        self._unmoved = ghosts.shifts(body.points, self._plane_displacements)
+        self._unmoved = ghosts.shifts(body.points, self.plane_motions[:, :, -1])
         self._shifts = self._unmoved.copy()
         self.gradient_ghosts = (
             ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
@@ -207,6 +209,22 @@ class Kinematics:
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
+    @cached_property
+    def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Bonds to images of the points that this rank owns, plane by plane: their numbers (k,);
+        half the displacement of the image per displacement of the plane, component by component
+        (k, d); and where the bonds of each plane begin and end (planes + 1,).
+
+        The factor is a half since half of the energy of such a bond belongs to the mirrored body.
+        """
+        body = self.body
+        outer = self.outer_pairs
+        outer = outer[body.share.own[body.bonds.first[outer]]]
+        levers = body.ghosts.lever[body.bonds.second[outer] - len(body)]
+        planes, rows = np.nonzero(levers.any(axis=2).T)
+        ends = np.searchsorted(planes, np.arange(len(body.planes) + 1))
+        return outer[rows], np.sign(levers[rows, planes]), ends
+
     def gradient_steps(
         self, positions: np.ndarray, gradients: np.ndarray, unsupported: float
     ) -> list[Step]:
@@ -245,29 +263,20 @@ class Kinematics:
         self.balance = BalancedWeights(*of_bonds, self.weighted_bonds, self.supported)
         self.changed.append(self.balance)
 
-    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
-        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when
-        positions are next set.
-
-        `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the
-        turn of the last call.
+    def move_planes(self, motions: np.ndarray) -> None:
+        """Displace every reflection plane by u(X) = turn X + displacement, with the `motions`
+        [turn, displacement] of shape (planes, d, d + 1); their images follow when positions are
+        next set.
         """
-        turned = turn is not None and (
-            self._plane_turns is None or (self._plane_turns[plane] != turn).any()
-        )
-        if not turned and (self._plane_displacements[plane] == displacement).all():
+        if (motions == self.plane_motions).all():
             return
-        self._plane_displacements[plane] = displacement
-        if turned:
-            if self._plane_turns is None:
-                self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
-            self._plane_turns[plane] = turn
-            self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(self._plane_turns)
-        np.add(
-            self._unmoved,
-            self.body.ghosts.moved_by_planes(self._plane_displacements, self._plane_turns),
-            out=self._shifts,
-        )
+        turns = motions[:, :, :-1]
+        if (turns != self.plane_motions[:, :, :-1]).any():
+            self._turned = True
+            self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(turns)
+        self.plane_motions[:] = motions
+        moved = motions[:, :, -1], turns if self._turned else None
+        np.add(self._unmoved, self.body.ghosts.moved_by_planes(*moved), out=self._shifts)
 
     def steps(self) -> list[Step]:
         """Return the steps that place points and ghosts at the positions last taken and compute

@@ -102,6 +102,7 @@ class PairEnergy(MaterialTerm):
         self.settles = any(memory.follows_positions for memory in self.memories)
         self._stresses = aligned_rows((len(body.all_points), d * d))
         self._on_points = np.zeros((len(body.all_points), d))
+        self._moments_of_ghosts = np.zeros((len(body.ghosts), d * d))
         self._on_jumps = None if whole else np.zeros((len(body), d))
         seen = [None, None]
         if not whole:
@@ -122,7 +123,9 @@ class PairEnergy(MaterialTerm):
         to_points = [
             *moments,
             *forces,
-            *shares.steps_to_points(self._stresses, self._on_points, *further),
+            *shares.steps_to_points(
+                self._stresses, self._on_points, self._moments_of_ghosts, *further
+            ),
         ]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (
@@ -302,23 +305,26 @@ class PairEnergy(MaterialTerm):
         )
         return changed
 
-    def forces_beside_pairs(self) -> np.ndarray | None:
-        return self._on_jumps
+    def forces_of_planes(self) -> np.ndarray:
+        """Return the forces of the planes by virtual work: a plane moves its ghosts."""
+        return -np.einsum("gpc,gc->pc", self.body.ghosts.lever, self._on_ghosts())
 
     def levers_on_planes(self) -> np.ndarray:
         kinematics = self.kinematics
-        body = self.body
-        pairs = np.arange(len(body.bonds.first))
-        forces, moments = self.shares.on_ghosts(
-            self._of_pairs("forces", pairs), self._of_pairs("moments", pairs), self._stresses
-        )
-        own = body.share.own[
-            body.ghosts.source, None
-        ]  # images count where the points that they mirror do
+        moments = self._counted(self._moments_of_ghosts)
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(
-            *places, forces * own, matrices(moments * own)
+            *places, self._on_ghosts(), matrices(moments)
         )
+
+    def _on_ghosts(self) -> np.ndarray:
+        """Return the forces on the ghosts, (m, d), that this rank counts."""
+        return self._counted(self._on_points[len(self.body) :])
+
+    def _counted(self, on_ghosts: np.ndarray) -> np.ndarray:
+        """Return values of ghosts, 0 where another rank owns the point that the ghost mirrors."""
+        share = self.body.share
+        return on_ghosts * share.own[self.body.ghosts.source, None] if share.divided else on_ghosts
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the
@@ -385,18 +391,21 @@ class PairEnergy(MaterialTerm):
         """Return the numbers of pairs that were turned inside out, or pressed below `COLLAPSED`
         of their area or volume.
         """
-        found = [super().collapsed_pairs()]
+        found = super().collapsed_pairs()
         for part, own in zip(self.parts, self._own_bonds, strict=True):
-            if self.selective or part.counts()[1]:
+            if self.selective:
+                every = None if part.points.whole else part.points.pairs
+                count = len(self.shares.strength if every is None else every)
+                pairs = np.flatnonzero(~(part.volumes[:count] > bond_energy.COLLAPSED))
+                pairs = pairs if every is None else every[pairs]
+            elif part.counts()[1]:
                 pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
-                J = (
-                    part.volumes[: len(pairs)]
-                    if self.selective
-                    else np.linalg.det(self._gradients(pairs))
-                )
-                low = pairs[~(J > bond_energy.COLLAPSED)]
-                found.append(low[self.shares.weights_of(low, own) > 0])
-        return np.unique(np.concatenate(found))
+                pairs = pairs[~(np.linalg.det(self._gradients(pairs)) > bond_energy.COLLAPSED)]
+            else:
+                continue
+            if len(pairs):
+                found = np.union1d(found, pairs[self.shares.weights_of(pairs, own) > 0])
+        return found
 
     def volume_ratios(self) -> np.ndarray:
         if self.volume is None:

@@ -6,6 +6,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from ..materials import PLANES
 from .binding import Binding, MaterialPart
 from .errors import locate
+from .kinematics import Kinematics
 from .material_points import MaterialPoints, have_states
 from .steps import Step, Steps
 from .volume_energy import VolumeEnergy
@@ -218,17 +220,28 @@ class Term(ABC):
         """
         raise NotImplementedError
 
-    def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return the forces on points that are not forces of pairs, shape (n, d); None if there
-        are none.
+    def forces_of_planes(self) -> np.ndarray:
+        """Return the forces of reflection planes, see `InternalForce.forces_of_planes`: by default
+        the sums of the forces of the bonds that cross them.
         """
-        return None
+        return sums_by_plane(self.kinematics, self._pulls_across())
 
-    def levers_on_planes(self) -> np.ndarray | None:
+    def levers_on_planes(self) -> np.ndarray:
         """Return first moments of the forces of reflection planes, see
-        `InternalForce.levers_on_planes`; None without energy.
+        `InternalForce.levers_on_planes`: by default bonds act on planes at their middles.
         """
-        return None
+        kinematics = self.kinematics
+        bonds, _, _ = kinematics.crossing
+        middles = (
+            kinematics.positions[self.body.bonds.first[bonds]]
+            + kinematics.positions[self.body.bonds.second[bonds]]
+        ) / 2
+        return sums_by_plane(kinematics, self._pulls_across()[:, :, None] * middles[:, None])
+
+    def _pulls_across(self) -> np.ndarray:
+        """Return the parts of the forces of bonds across planes that act on these, (k, d)."""
+        bonds, shares, _ = self.kinematics.crossing
+        return self.pair_forces(bonds) * shares
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the first Piola-Kirchhoff stress, shape (d, d): (1/V) sum of f
@@ -496,6 +509,14 @@ class OutsideCounter:
                 OutsideDomainWarning,
                 stacklevel=3,
             )
+
+
+def sums_by_plane(kinematics: Kinematics, values: np.ndarray) -> np.ndarray:
+    """Return for each reflection plane the sum of values (k, ...) of the bonds across it."""
+    ends = kinematics.crossing[2]
+    return np.array([values[start:end].sum(axis=0) for start, end in pairwise(ends)]).reshape(
+        -1, *values.shape[1:]
+    )
 
 
 def whole_volume(body: Body) -> float:

@@ -326,7 +326,9 @@ class LinearizedDilatation:
             volume.smoothing.bind(means, pressures, chunks),
             pressures[:n],
             *gather,
-            *shares.steps_to_points(moments, self._forces, *further),
+            *shares.steps_to_points(
+                moments, self._forces, np.zeros((len(ghosts), d * d)), *further
+            ),
         )
         self._rigid = several and volume.binding.portion_of[:n] == len(volume.parts)
         self.stiffness = body.volumes * max(part.unit for part in volume.parts)

@@ -66,9 +66,9 @@ def fill_matrices(chunk, values, source, parity, reflection, rest, shift):
 
 
 @Pass
-def fold_matrices(chunk, values, source, parity, reflection):
+def fold_matrices(chunk, values, source, parity, reflection, folded):
     """Add P M S to the matrix on the source of each ghost, where M is the matrix on the ghost, and
-    set M to zero.
+    move M to `folded`, so that its place is zero.
 
     P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`. The first
     chunk does all the work, since ghosts share sources.
@@ -84,4 +84,5 @@ def fold_matrices(chunk, values, source, parity, reflection):
                     image += values[n + g, k * dimension + r] * reflection[g, c, k]
                 values[source[g], at] += parity[g, r] * image
         for at in range(dimension * dimension):
+            folded[g, at] = values[n + g, at]
             values[n + g, at] = 0.0

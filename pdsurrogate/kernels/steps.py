@@ -1,12 +1,14 @@
 """Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient,
-greatest force and strain of a step.
+greatest force and strain of a step, and its energies.
 
 The functions take arrays of vectors of any dimension, and allocate no memory.
 """
 
 import numpy as np
 
-from ..engine.compile import kernel
+from ..engine.block_arrays import BLOCK
+from ..engine.compile import inlined, kernel
+from ..engine.passes import Pass, share_of
 
 
 @kernel
@@ -93,11 +95,58 @@ def central_difference_step(positions, velocities, forces, free, mass, damping, 
     `step` and `last_step` are the lengths of this time step and of the step before; the velocity
     changes over the mean of both.
     """
-    span = 0.5 * (step + last_step)
-    decay = 1.0 - 0.5 * damping * span
-    growth = 1.0 / (1.0 + 0.5 * damping * span)
+    rule = _rule(0.5 * (step + last_step), damping)
     for i in range(positions.shape[0]):
         for k in range(positions.shape[1]):
-            v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
+            v = _following(velocities[i, k], forces[i, k], mass[i], rule) * free[i, k]
             velocities[i, k] = v
             positions[i, k] += step * v
+
+
+@inlined
+def _rule(span, damping):
+    """Return the numbers by which velocities change over a span of time."""
+    return span, 1.0 - 0.5 * damping * span, 1.0 / (1.0 + 0.5 * damping * span)
+
+
+@inlined
+def _following(velocity, force, mass, rule):
+    """Return the velocity component after a span of time, see `_rule`."""
+    span, decay, growth = rule
+    return (decay * velocity + span * force / mass) * growth
+
+
+@Pass
+def energies_of_step(
+    chunk, velocities, arriving, forces, elastic, free, mass, damping, steps, sums
+):
+    """Write sums over blocks of points to `sums` (n_blocks, 4): the kinetic energies before and
+    after the present time, and the powers of damping and viscosity with the velocities of these
+    times, see `ExplicitDynamics.balance`.
+
+    `velocities` are those in the middle of the last step, `arriving` the same without the impulse
+    of bonds that have just broken; viscous forces are `forces` minus `elastic`. `steps` are the
+    lengths of the last step and of the next.
+    """
+    n, dimension = velocities.shape
+    last, following = steps
+    present = _rule(last, damping)
+    mean = _rule(0.5 * (last + following), damping)
+    for block in share_of(sums.shape[0], chunk):
+        kinetic = left = taken = lost = 0.0
+        for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
+            for k in range(dimension):
+                old = velocities[i, k]
+                force = forces[i, k]
+                before = arriving[i, k]
+                after = _following(old, force, mass[i], mean) * free[i, k]
+                now = 0.5 * (old + _following(old, force, mass[i], present) * free[i, k])
+                kinetic += mass[i] * before * (now - 0.5 * before)
+                left += mass[i] * after * (now - 0.5 * after)
+                taking = damping * mass[i] * now + free[i, k] * (elastic[i, k] - force)
+                taken += taking * before
+                lost += taking * after
+        sums[block, 0] = kinetic
+        sums[block, 1] = left
+        sums[block, 2] = taken
+        sums[block, 3] = lost

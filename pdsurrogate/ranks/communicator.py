@@ -96,11 +96,12 @@ class Communicator:
 
         An array without entries counts as 0.
         """
-        most = float(np.max(here)) if np.size(here) else 0.0
+        if not isinstance(here, float):
+            here = float(np.max(here)) if np.size(here) else 0.0
         if not self._mpi:
-            return most
+            return here
         found = np.empty(self.size)
-        self._world.Allgather(np.array(most), found)
+        self._world.Allgather(np.array(here), found)
         # the MPI standard does not define the maximum of a NaN, NumPy does
         return float(found.max())
 

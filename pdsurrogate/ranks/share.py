@@ -208,8 +208,9 @@ class Share(Halo, Rows):
         """Return whether a flag is true on any rank; for an array of flags, return the array of
         these answers.
         """
-        found = self.total(np.asarray(flags, dtype=np.int64)) > 0
-        return found if np.ndim(flags) else bool(found)
+        if not np.ndim(flags):
+            return self.total(int(flags)) > 0
+        return self.total(np.asarray(flags, dtype=np.int64)) > 0
 
     def count(self, flags: np.ndarray) -> int:
         """Return the number of points of the body whose flag, one for each local point, is true."""

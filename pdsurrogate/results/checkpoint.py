@@ -14,7 +14,7 @@ from ..array_files import read_arrays
 from .contents import contents_in, differences_between
 from .files import replacing
 
-FORMAT = 13
+FORMAT = 14
 """Number of the format of checkpoints; it rises with every change that an older or newer version
 would misread, and other numbers are refused.
 """

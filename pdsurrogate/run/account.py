@@ -2,17 +2,16 @@
 lost in damping and breaking bonds.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from ..solvers.dynamics import ExplicitDynamics, Power
+from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
 from ..solvers.quasi_newton import EnergyMinimizer
-from ..solvers.reactions import Reactions, reactions_of, support_reactions
+from ..solvers.reactions import Reactions, support_reactions
 from .rows import dissipated_columns
 from .run import Run
 
@@ -86,12 +85,11 @@ class Account:
     work, damped_energy, released_energy : float
         Work of all supports and loads, energy dissipated by damping, and energy released by
         breaking bonds, since the start.
-    power, damped_power : Power
-        Power of supports and loads, and of damping, as last computed; after the account is read
-        from a checkpoint they are lists.
+    power, damped_power : float
+        Power of supports and loads, and of damping, as last computed, with the velocities of the
+        step that followed.
     rate_time : float
-        Time at which `power` and `damped_power` were computed: the time of the last row of the
-        history, or of a later step.
+        Time at which `power` and `damped_power` were computed.
     row_time : float
         Time of the last row of the history.
     most_put_in : float
@@ -99,12 +97,13 @@ class Account:
     gap, greatest_gap : float
         Energy at the last row, including dissipated and released energy, minus the supplied energy;
         and, of the values at all rows, the one of greatest magnitude.
-    on_planes, levers : list or None
+    on_planes, levers : ndarray or None
         Part of the reactions that is due to the elastic forces alone (see
         `ExplicitDynamics.elastic`): the force of each reflection plane on the body, and the sum of
         the outer products f (x) y of the forces f that the plane exerts at the places y, which
         gives the power of a plane that turns. None until they are computed, and while no plane
-        moves; `levers` stays None if no plane turns.
+        moves; `levers` stays None if no plane turns. After the account is read from a checkpoint
+        they are lists.
     last_break : int
         Step in which a bond last broke.
     last_found, last_drift : int
@@ -124,21 +123,29 @@ class Account:
     work: float = 0.0
     damped_energy: float = 0.0
     released_energy: float = 0.0
-    power: Sequence[float] = Power()
-    damped_power: Sequence[float] = Power()
+    power: float = 0.0
+    damped_power: float = 0.0
     rate_time: float = 0.0
     row_time: float = 0.0
     most_put_in: float = 0.0
     gap: float = 0.0
     greatest_gap: float = 0.0
-    on_planes: list | None = None
-    levers: list | None = None
+    on_planes: np.ndarray | list | None = None
+    levers: np.ndarray | list | None = None
     last_break: int = -STEPS_PER_ROW
     last_found: int = 0
     last_drift: int = -STEPS_PER_ROW
     drift: float = 0.0
     outputs: int = 0
     strength_due: float = 0.0
+
+    def entries(self) -> dict:
+        """Return the attributes as entries of a checkpoint."""
+        lists = {
+            key: None if one is None else np.asarray(one).tolist()
+            for key, one in (("on_planes", self.on_planes), ("levers", self.levers))
+        }
+        return vars(self) | lists
 
 
 @dataclass(eq=False)
@@ -181,20 +188,10 @@ class Bookkeeping:
         """Return the kinetic energy at the time of the positions; raise Diverging if it is not
         finite.
         """
-        kinetic = self.integrator.kept_energy()[1]
+        kinetic = self.integrator.balance().leaving
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
-
-    def count_release(self) -> None:
-        """Add the kinetic energy lost by the breaking of bonds in the last step to the released
-        energy.
-
-        `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of
-        these bonds; the difference is lost.
-        """
-        arriving, leaving = self.integrator.kept_energy()
-        self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
         """Add work and damped energy to the account after a time step without a row in the
@@ -207,111 +204,87 @@ class Bookkeeping:
             self.run.loading, self.run.loaded, self.integrator.forces, moving
         )
         unknown = moving and self.account.on_planes is None
-        self.advance(reactions, changing or unknown or self._uneven(), moving)
+        self.advance(reactions, changing or unknown or self._uneven())
+
+    def _parameters(self) -> tuple[float, float, float]:
+        """Return the loading parameter at the end of the step before, now, and at the end of the
+        next step.
+        """
+        account = self.account
+        at = self.motion.at
+        following = account.time + self.integrator.next_step()
+        return at(account.rate_time), at(account.time), at(following)
 
     def _planes_move(self) -> bool:
         """Return whether a reflection plane moves in the last step or the next; otherwise its
         reaction does no work in them.
         """
-        motion = self.motion
-        time = self.account.time
-        step = self.integrator.last_step
-        now, *others = (
-            self.run.loading.plane_motions(motion.at(time + ahead)) for ahead in (0.0, -step, step)
-        )
-        return any((now != other).any() for other in others)
+        if not self.run.loading.of_planes:
+            return False
+        last, now, following = map(self.run.loading.plane_motions, self._parameters())
+        return bool((now != last).any() or (now != following).any())
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity within the retardation time by more than
         `LEAST_UNEVENNESS`, relatively.
         """
-        viscosity = self.viscosity
-        motion = self.motion
+        if self.viscosity == 0:
+            return False
         now = self.run.state.parameter
-        last = motion.at(self.account.time - self.integrator.last_step)
-        return (
-            viscosity > 0
-            and self.run.loading.unevenness(last, now, now + viscosity * motion.rate)
-            > LEAST_UNEVENNESS
-        )
+        last = self.motion.at(self.account.rate_time)
+        ahead = now + self.viscosity * self.motion.rate
+        return self.run.loading.unevenness(last, now, ahead) > LEAST_UNEVENNESS
 
-    def _power_of_holders(self, reactions: Reactions) -> Power:
-        """Return the power of all supports (holders) at given reactions, with their velocities
-        in the last step, the next, and the mean.
-        """
-        course = self.run.loading.course
-        time = self.account.time
-        step = self.integrator.last_step
-        before = course.power(reactions, self.motion, time, step)
-        after = course.power(reactions, self.motion, time + step, step)
-        return Power(before, 0.5 * (before + after), after)
-
-    def _velocities_of_planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the velocities of planes of symmetry across themselves (planes,) in the last
-        step, their mean, and those in the next step.
-        """
-        time = self.account.time
-        step = self.integrator.last_step
-        before, now, next_one = (
-            self.run.loading.planes_at(self.motion.at(time + ahead)) for ahead in (-step, 0.0, step)
-        )
-        after = (next_one - now) / step
-        before = (now - before) / step if time >= step else after
-        return before, 0.5 * (before + after), after
-
-    def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
-        """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and
-        `power`, the power at its start and end.
-        """
-        if elapsed < 1.5 * self.integrator.last_step:
-            return 0.5 * elapsed * (last.after + power.before)
-        return 0.5 * elapsed * (last.now + power.now)
-
-    def advance(self, reactions: Reactions, evaluate: bool, of_planes: bool = True) -> None:
-        """Add to the account the work of supports and loads, and the energy dissipated by damping,
-        since the last call.
-
-        `reactions` are those of the supports to the forces that move the points, which include
-        viscosity. The energy dissipated by viscosity follows from the difference between these
-        forces and the elastic forces: with `evaluate` the elastic forces are evaluated at the
-        present positions, otherwise `ExplicitDynamics.elastic` approximates them. Without
-        `of_planes` the planes do not move, and their reactions, which do no work, are omitted.
+    def _powers_of_loads(
+        self, last: float, now: float, following: float, spans: tuple[float, float]
+    ) -> list[float]:
+        """Return the power of the loads with the velocities in the last step and in the next, of
+        lengths `spans`, at whose ends the loading parameter has the given values.
         """
         run = self.run
+        thickness = run.loaded.thickness()
+        places = [run.loading.planes_at(parameter) for parameter in (last, now, following)]
+        of_planes = np.diff(places, axis=0) / np.reshape(spans, (2, 1))
+        return [
+            run.body.share.total(run.loads.power(run.positions, *velocities, thickness))
+            for velocities in zip(self.integrator.velocities_around(), of_planes, strict=True)
+        ]
+
+    def advance(self, reactions: Reactions, evaluate: bool) -> None:
+        """Add to the account the work of supports and loads, and the energy dissipated by damping
+        and lost with broken bonds, since the last call, one time step ago.
+
+        `reactions` are those of the supports to the forces that move the points, which include
+        viscosity; without those of planes the planes do not move. The energy dissipated by
+        viscosity follows from the difference between these forces and the elastic forces: with
+        `evaluate` the elastic forces are evaluated at the present positions, otherwise
+        `ExplicitDynamics.elastic` approximates them.
+        """
         account = self.account
         integrator = self.integrator
+        course = self.run.loading.course
+        # At the start the account is empty, and no time has passed: the step has no other length.
         elapsed = account.time - account.rate_time
-        held = self._power_of_holders(reactions)
-        power = held
-        if run.loads:
-            thickness = run.loaded.thickness()
-            around = integrator.velocities_around()
-            loads = (
-                run.body.share.total(run.loads.power(run.positions, *velocities, thickness))
-                for velocities in zip(around, self._velocities_of_planes(), strict=True)
-            )
-            power = held.plus(Power(*loads))
-        # At the start the account is empty, and no time has passed.
-        account.work += self._work_over(elapsed, Power(*account.power), power)
+        spans = elapsed or 1.0, integrator.next_step()
+        last, now, following = parameters = self._parameters()
+        of_loads = self._powers_of_loads(*parameters, spans) if self.run.loads else [0.0, 0.0]
         if evaluate and self.viscosity > 0:
             self._judge(integrator.find_elastic())
-        damped = integrator.damped_power()
-        last = Power(*account.damped_power)
+        balance = integrator.balance()
+        each = [reactions]
         if self.viscosity > 0:
-            # Viscosity dissipates a part of the work of the holders as well.
-            elastic = self._power_of_holders(
-                self._elastic_reactions(reactions, evaluate, of_planes)
-            )
-            damped = damped.plus(held).plus(elastic, -1.0)
-        if self.closes and account.last_break == integrator.steps:
-            # Bonds that broke in this step changed the power since the last step; until then it was
-            # constant.
-            quiet = max(0.0, elapsed - integrator.last_step)
-            account.damped_energy += quiet * last.now
-            elapsed -= quiet
-        account.damped_energy += self._work_over(elapsed, last, damped)
-        account.power = power
-        account.damped_power = damped
+            each.append(self._elastic_reactions(reactions, evaluate))
+        ended, begun = course.work(each, last, now), course.work(each, now, following)
+        # Viscosity dissipates a part of the work of the supports as well.
+        by_viscosity = [works[0] - works[-1] for works in (ended, begun)]
+        account.work += 0.5 * (ended[0] + elapsed * (account.power + of_loads[0]))
+        account.damped_energy += 0.5 * (
+            by_viscosity[0] + elapsed * (account.damped_power + balance.taken_before)
+        )
+        if elapsed > 0 and self.run.damage is not None:
+            account.released_energy += balance.arriving - balance.leaving
+        account.power = begun[0] / spans[1] + of_loads[1]
+        account.damped_power = by_viscosity[1] / spans[1] + balance.taken_after
         account.rate_time = account.time
 
     def _judge(self, power: float) -> None:
@@ -337,31 +310,29 @@ class Bookkeeping:
         ):
             account.last_drift = integrator.steps
 
-    def _elastic_reactions(self, held: Reactions, evaluated: bool, of_planes: bool) -> Reactions:
+    def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
         """Return the reactions of the supports to the elastic forces alone.
 
         They are exact if the elastic forces were just `evaluated`, else approximated from `held`,
         the reactions to all forces, viscous ones included.
         """
         account = self.account
-        loading = self.run.loading
+        run = self.run
+        moving = held.on_planes is not None
         on_points = self.integrator.elastic_with_loads()
-        if evaluated:
-            found = support_reactions(loading, self.run.loaded, on_points, of_planes)
-        else:
+        found = support_reactions(run.loading, run.loaded, on_points, moving and evaluated)
+        if moving and not evaluated:
             share = self.integrator.followed
-            planes = (
-                [(account.on_planes, held.on_planes), (account.levers, held.levers)]
-                if of_planes
-                else []
+            followed = (
+                None if now is None else (1 - share) * np.asarray(old) + share * now
+                for old, now in (
+                    (account.on_planes, held.on_planes),
+                    (account.levers, held.levers),
+                )
             )
-            followed = [
-                None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now
-                for old, now in planes
-            ]
-            found = reactions_of(loading, *(followed or (held.on_planes, None)), on_points)
-        known = (found.on_planes, found.levers) if of_planes else (None, None)
-        account.on_planes, account.levers = (None if one is None else one.tolist() for one in known)
+            found = Reactions(run.loading, found.at_held, *followed)
+        account.on_planes = found.on_planes
+        account.levers = found.levers
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:

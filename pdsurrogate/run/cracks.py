@@ -68,13 +68,11 @@ class Cracks:
             return np.empty(0, dtype=np.int64)
         ratios = determinant(run.force.deformation_gradients()[self._torn])
         turned = ~(determinant(run.force.deformation_gradients(images=True)[self._torn_images]) > 0)
-        collapsed = np.union1d(
-            self._torn[~(ratios > LEAST_RATIO)],
-            run.body.ghosts.source[self._torn_images[turned]],
-        )
+        collapsed = self._torn[~(ratios > LEAST_RATIO)]
         crushed = run.force.collapsed_pairs()
-        if not share.any(len(collapsed) or len(crushed)):
+        if not share.any(len(collapsed) or turned.any() or len(crushed)):
             return collapsed
+        collapsed = np.union1d(collapsed, run.body.ghosts.source[self._torn_images[turned]])
         lost = self._lost.copy()
         failed = np.zeros_like(self._lost)
         failed[collapsed] = True

@@ -116,6 +116,8 @@ class Damage:
         (k,): stretch divided by critical stretch, greater than 1.
         """
         pairs = self.overstretched(positions)
+        if not len(pairs):
+            return pairs, np.empty(0)
         bonds = self.body.bonds
         length = lengths_of(positions[bonds.second[pairs]] - positions[bonds.first[pairs]])
         return pairs, length / np.sqrt(self._limits[pairs])

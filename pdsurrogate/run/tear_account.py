@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..solvers.increments import Motion
 from ..solvers.reactions import Reactions, support_reactions
 from .account import entries_of
 from .run import Run
@@ -188,8 +187,7 @@ class TearAccount:
         """Return the work on the way between two equilibria of the supports and loads of `one` of
         them.
         """
-        motion = Motion(old.parameter, new.parameter, new.parameter - old.parameter, 1.0)
-        work = self._run.loading.course.power(one.reactions, motion, 1.0, 1.0)
+        (work,) = self._run.loading.course.work([one.reactions], old.parameter, new.parameter)
         return work + self._work_of_loads(one, old, new)
 
     def _work_of_loads(self, one: Known, old: Known, new: Known) -> float:

@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
 
 import numpy as np
 
@@ -176,7 +175,7 @@ class Transient:
             )
             if not through and (due or asked or late):
                 kept = {key: getattr(integrator, key) for key in INTEGRATOR} | {
-                    "account": asdict(account)
+                    "account": account.entries()
                 }
                 self._checkpoints.write({"transient": kept}, self.arrays())
             if not through and asked:
@@ -256,8 +255,6 @@ class Transient:
         else:
             self._cracks.evaluate_and_break()
         self._limit_step()
-        if self._cracks is not None:
-            self._books.count_release()
 
     def _limit_step(self) -> None:
         """Set the greatest length of the next time step, such that a step ends at every output."""

@@ -5,7 +5,7 @@ table, or an expression of t.
 import ast
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from types import CodeType
 from typing import Annotated, Any
 
@@ -95,6 +95,8 @@ def amplitude_of(amplitude: str | tuple) -> Callable[[float], float]:
     code = _compiled(NAMED.get(amplitude, amplitude))
     names = {"__builtins__": {}, "pi": math.pi, **FUNCTIONS}
 
+    # of several supports and loads at the same times
+    @lru_cache
     def value_at(t: float) -> float:
         try:
             value = float(eval(code, names, {"t": float(t)}))

@@ -119,13 +119,17 @@ class Loading:
         self.there = self.point[self.at_points], self.component[self.at_points]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
-        of_points = (
-            self.part[self.at_points],
-            self.component[self.at_points],
-            self.place[self.at_points],
-        )
+        self._places_there = body.points[self.there]
+        of_points = self.part[self.at_points], self.component[self.at_points]
+        turn = any(part.angle is not None for part in self.of_points)
+        of_planes = np.zeros((len(planes), body.dimension), dtype=int)
+        for number, part in enumerate(held):
+            if part.plane is not None:
+                of_planes[part.plane, part.components] = number
+        of_planes = of_planes[self.plane_components], *np.nonzero(self.plane_components)
+        places = self.place[self.at_points] if turn else None
         self._motions = lru_cache(maxsize=MOST_MOTIONS)(
-            partial(_motions_at, held, len(planes), of_points)
+            partial(_motions_at, held, len(planes), body.dimension, of_planes, of_points, places)
         )
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
@@ -235,15 +239,14 @@ class Loading:
         """Move held points, in `positions`, and reflection planes, in `force`, to their places
         at a value of the loading parameter.
         """
-        positions[self.there] = self.body.points[self.there] + self.moves_of_points(parameter)
+        motions = self._motions(parameter)
+        positions[self.there] = self._places_there + motions.of_points
         for support in self.supports:
             support.set(parameter)
             support.place(positions)
-        for number, motion in enumerate(self.plane_motions(parameter)):
-            force.move_plane(
-                number, motion[:, -1], motion[:, :-1] if number in self.turning else None
-            )
-        self.loads.planes[:] = self.planes_at(parameter)
+        if len(self.planes):
+            force.move_planes(motions.of_planes)
+            self.loads.planes[:] = self.planes_at(parameter)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
         """Return how much the rate of the prescribed motions changes between two increments, `last`
@@ -255,13 +258,12 @@ class Loading:
         """
         if now == last:
             return 0.0
-        before, present, after = (
-            np.append(self.moves_of_points(t), self.plane_motions(t)) for t in (last, now, ahead)
-        )
+        before, present, after = (self._motions(t).of_all for t in (last, now, ahead))
         way = after - present
         evenly = (present - before) * ((ahead - now) / (now - last))
         off, *ways = (
-            self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly)
+            self._share.greatest(float(np.abs(change).max(initial=0.0)))
+            for change in (way - evenly, way, evenly)
         )
         return off / max(ways) if off > 0 else 0.0
 
@@ -298,9 +300,9 @@ class Loading:
             zip(self.planes, self.body.planes, motions, strict=True)
         ):
             # In the frame in which the plane has not moved.
-            back = np.linalg.solve(
-                np.eye(self.body.dimension) + motion[:, :-1], (positions - motion[:, -1]).T
-            ).T
+            back = positions - motion[:, -1]
+            if number in self.turning:
+                back = np.linalg.solve(np.eye(self.body.dimension) + motion[:, :-1], back.T).T
             reflects = plane.axis is not None or np.isin(
                 np.arange(len(back)), ghosts.source[ghosts.plane == number]
             )
@@ -367,22 +369,6 @@ class Loading:
         holder[~self._share.own] = -1
         there = np.nonzero(holder >= 0)
         return holder[there], *there
-
-    @cached_property
-    def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bonds to images (mirrored points) of each plane, for the reactions of planes, as three
-        arrays with a row for each such bond.
-
-        The arrays are the number of the bond, the number of the plane, and half the displacement of
-        the image per displacement of the plane, component by component.
-        """
-        n = len(self.body)
-        ghosts = self.body.ghosts
-        outer = np.flatnonzero(self.body.bonds.second >= n)
-        outer = outer[self._share.own[self.body.bonds.first[outer]]]
-        levers = ghosts.lever[self.body.bonds.second[outer] - n]
-        rows, planes = np.nonzero(levers.any(axis=2))
-        return outer[rows], planes, np.sign(levers[rows, planes])
 
     def ends(self, intact: np.ndarray | None = None) -> list[np.ndarray]:
         """Return, for each holder, the points on this rank, halo included, that it holds; for a
@@ -463,32 +449,45 @@ class Loading:
 
 
 class _Motions(NamedTuple):
-    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1), and
-    `Loading.moves_of_points`, at one time.
+    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1),
+    `Loading.moves_of_points`, and both of the latter in one vector, at one time.
     """
 
     of_parts: np.ndarray
     of_planes: np.ndarray
     of_points: np.ndarray
+    of_all: np.ndarray
 
 
 def _motions_at(
-    held: list[Held], planes: int, components: tuple[np.ndarray, ...], parameter: float
+    held: list[Held],
+    planes: int,
+    dimension: int,
+    components_of_planes: tuple[np.ndarray, ...],
+    components_of_points: tuple[np.ndarray, ...],
+    places: np.ndarray | None,
+    parameter: float,
 ) -> _Motions:
-    """Return the motions of held parts and planes, and the moves of a table of held
-    `components`, at a value of the parameter.
+    """Return the motions of held parts and planes, and the moves of held points, at a value of the
+    parameter.
+
+    The held components of planes are given by parts, planes and components, those of points by
+    parts, components and, unless all points move without turning, undeformed `places`.
     """
-    dimension = components[-1].shape[1]
-    motions = np.array([part.motion(parameter) for part in held]).reshape(
-        -1, dimension, dimension + 1
-    )
-    of_planes = np.zeros((planes, dimension, dimension + 1))
+    motions = np.zeros((len(held), dimension, dimension + 1))
     for part, motion in zip(held, motions, strict=True):
-        if part.plane is not None:
-            of_planes[part.plane, part.components] = motion[list(part.components)]
-    found = _Motions(
-        motions, of_planes, _moves(motions, *components) if len(components[0]) else np.empty(0)
+        motion[:] = part.motion(parameter)
+    of_planes = np.zeros((planes, dimension, dimension + 1))
+    part, *there = components_of_planes
+    of_planes[*there] = motions[part, there[1]]
+    parts, components = components_of_points
+    of_points = (
+        motions[parts, components, -1]
+        if places is None
+        else _moves(motions, parts, components, places)
     )
+    of_all = np.concatenate([of_points, of_planes.ravel()])
+    found = _Motions(motions, of_planes, of_points, of_all)
     for array in found:
         array.flags.writeable = False
     return found

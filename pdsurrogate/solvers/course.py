@@ -4,7 +4,7 @@ from the motions of held parts.
 
 import math
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -188,37 +188,34 @@ class Paths:
         guess = self._extended(positions, self._loading.plane_motions(motion.begin), ahead)
         return (guess - positions) / (AHEAD * motion.duration)
 
-    def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of all supports on the body at `time`, the end of a time `step`, in two
-        dimensions per unit thickness.
-
-        The velocities of the supports are means over the last step, or over the next step at the
-        start of the motion.
+    def work(self, each: Sequence[Reactions], before: float, after: float) -> list[float]:
+        """Return the work of all supports on the body at each of some constant reactions, in two
+        dimensions per unit thickness, while the loading parameter changes from one value to
+        another.
         """
-        before, after = (
-            (motion.at(time - step), motion.at(time))
-            if time >= step
-            else (motion.at(time), motion.at(time + step))
-        )
+        loading = self._loading
+        found = [0.0] * len(each)
+        if loading.of_points:
+            moves = loading.moves_of_points(after) - loading.moves_of_points(before)
+            found = self._share.total(tuple((one.at_held * moves).sum() for one in each))
+        return [
+            work if one.on_planes is None else work + self._work_of_planes(one, before, after)
+            for work, one in zip(found, each, strict=True)
+        ]
+
+    def _work_of_planes(self, reactions: Reactions, before: float, after: float) -> float:
         old = self._loading.plane_motions(before)
-        new = self._loading.plane_motions(after)
-        changes = new - old
+        changes = self._loading.plane_motions(after) - old
         shifts = changes[:, :, -1]
-        power = 0.0
+        work = 0.0
         if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
             by_place = np.linalg.solve(
                 (np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT
             ).mT
             shifts = shifts - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
-            power = float((reactions.levers * by_place).sum()) / step
-        power += float((reactions.on_planes * shifts).sum()) / step
-        if reactions.at_points is not None:
-            moved = np.zeros_like(reactions.at_points)
-            loading = self._loading
-            moved[loading.there] = loading.moves_of_points(after) - loading.moves_of_points(before)
-            power += self._share.sum(reactions.at_points * moved) / step
-        return power
+            work = float((reactions.levers * by_place).sum())
+        return work + float((reactions.on_planes * shifts).sum())
 
     def pushes(self, force: LoadedForce, least: float = 0.0) -> bool:
         """Return whether grips push in the state last evaluated, with more than the force `least`,

@@ -8,8 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine.block_arrays import BLOCK
+from ..engine.passes import Chain
+from ..engine.threads import chunks_of
 from ..forces import InternalForce
-from ..kernels.steps import central_difference_step
+from ..kernels.steps import central_difference_step, energies_of_step
 from .equilibrium import Diverging
 from .loaded_force import LoadedForce
 from .loads import Loads
@@ -29,28 +32,29 @@ last bonds of a crack could otherwise move past the bonds that should stop it.
 """
 
 
-class Power(NamedTuple):
-    """Power of forces at the present positions, with the velocities before, at and after the
-    present time.
+class Balance(NamedTuple):
+    """Kinetic energies at the present time, from before and from after it, and powers that damping
+    and viscosity dissipate with the velocities half a step before and after it.
 
-    Attributes
-    ----------
-    before, after : float
-        Power with the velocities half a step before and after the present time. Each times half a
-        step is what these forces contribute, by the trapezoidal rule, to the work in the step that
-        ends, or begins, at the present time.
-    now : float
-        Power with the velocities at the present time. The velocities half a step before would
-        overestimate it where velocities change within a step, as near a crack.
+    The sum of the first energy and the strain energy is conserved, and so is that of the second.
+    The first is the kinetic energy half a step before, plus the work over this half step of the
+    forces, including those of bonds that break at the present time. The second is the kinetic
+    energy half a step after, minus the work over this half step of the forces without those of
+    broken bonds. From the second energy of one step to the first of the next the kinetic energy
+    changes by the work of the forces by the trapezoidal rule: for linear forces minus the change of
+    strain energy. Both energies equal v M v'/2, with mass M and the velocities v and v' half a step
+    before and after, except where bonds break or the step h changes: the scheme then dissipates
+    their difference. The kinetic energy from the velocity at the present time exceeds both by h^2 f
+    M^-1 f/8 for forces f, which is large where bonds have just broken.
+
+    Each power times half a step is what damping takes, by the trapezoidal rule, in the step that
+    ends, or begins, at the present time.
     """
 
-    before: float = 0.0
-    now: float = 0.0
-    after: float = 0.0
-
-    def plus(self, other: "Power", share: float = 1.0) -> "Power":
-        """Return this power plus `share` times another power."""
-        return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
+    arriving: float
+    leaving: float
+    taken_before: float
+    taken_after: float
 
 
 class ExplicitDynamics:
@@ -145,8 +149,20 @@ class ExplicitDynamics:
         self.frequency = FrequencyEstimate(mass, free, self._share, everywhere=force.breakable)
         self.forces = np.empty_like(positions)
         self._kicks = None
+        self._fastest: float | None = None
         self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
+        self._steps = np.zeros(2)
+        self._sums = np.zeros((-(-len(positions) // BLOCK), len(Balance._fields)))
+        moved = velocities, velocities, self.forces, self.forces, free, mass
+        self._find_energies = energies_of_step.bind(
+            *moved,
+            float(damping),
+            self._steps,
+            self._sums,
+            chunks=chunks_of(len(force.body.bonds.first)),
+        )
+        self._run_energies = Chain(self._find_energies)
 
     def begin(self) -> None:
         """Compute the stable time step and the forces at the initial positions.
@@ -156,6 +172,7 @@ class ExplicitDynamics:
         Diverging
             If no stable time step exists.
         """
+        self._share.clear(self.velocities)  # the owners of halo points move them
         self._hold(self.positions, 0.0)
         self.limit(self.frequency(self._loaded, self.positions))
         self.last_step = self.time_step
@@ -217,9 +234,10 @@ class ExplicitDynamics:
 
     def accept(self) -> None:
         """Add the present state to the history of the force, with held parts at their present
-        places: with viscosity they were ahead of them in the last evaluation.
+        places, where loads need them, too: with viscosity they were ahead in the last evaluation.
         """
-        self._hold(self.positions, 0.0)
+        if self._loads or self.force.history:
+            self._hold(self.positions, 0.0)
         self.force.accept(self.positions)
 
     def find_elastic(self) -> float:
@@ -245,6 +263,7 @@ class ExplicitDynamics:
         central differences need them.
         """
         self.velocities += self._half_step_of(-self.forces)
+        self._fastest = None
 
     def part_of(self, span: float) -> float:
         """Return the longest stable step that divides a span of time into a whole number of
@@ -261,7 +280,7 @@ class ExplicitDynamics:
         self.last_step = step
         self.force.elapse(step)
         self.steps += 1
-        self._kicks = None
+        self._kicks = self._fastest = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
         """Advance arrays of velocities and positions, the body's own or copies, by one step with
@@ -274,7 +293,10 @@ class ExplicitDynamics:
         """Return the length of the next time step: stable, at most `longest`, and such that no
         point moves farther than `MOST_TRAVEL`.
         """
-        fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
+        fastest = self._fastest
+        if fastest is None:
+            fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
+            self._fastest = fastest
         step = min(self.time_step, self.longest)
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
@@ -289,8 +311,10 @@ class ExplicitDynamics:
         """
         if self._kicks is not None:
             self.velocities -= self._kicks
+        self._share.clear(forces)
         self._kicks = self._half_step_of(forces)
         self.velocities += self._kicks
+        self._fastest = None
 
     def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
         return 0.5 * self.last_step * forces / self.mass[:, None] * self.free
@@ -305,58 +329,34 @@ class ExplicitDynamics:
         apart = self.STEPS_WHILE_BONDS_BREAK if bonds_break else self.STEPS_BETWEEN_ESTIMATES
         self._evaluate(self.steps % apart == 0)
 
-    def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the velocities half a step before the present time, at the present time, and half
-        a step after, shape (n, d) each.
+    def velocities_around(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the velocities half a step before the present time and half a step after, shape
+        (n, d) each.
 
         The velocities before exclude the impulse of bonds that broke at the present positions. The
         arrays are not to be changed.
         """
-        before = self.velocities if self._kicks is None else self.velocities - self._kicks
-        now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
-        return before, now, self._following_velocities(self.next_step())
-
-    def kept_energy(self) -> tuple[float, float]:
-        """Return two kinetic energies at the present time, from before and from after it, whose
-        sums with the strain energy are conserved.
-
-        The first is the kinetic energy half a step before, plus the work over this half step of the
-        forces, including those of bonds that break at the present time. The second is the kinetic
-        energy half a step after, minus the work over this half step of the forces without those of
-        broken bonds. From the second energy of one step to the first of the next the kinetic energy
-        changes by the work of the forces by the trapezoidal rule: for linear forces minus the
-        change of strain energy. Both energies equal v M v'/2, with mass M and the velocities v and
-        v' half a step before and after, except where bonds break or the step h changes: the scheme
-        then dissipates their difference. The kinetic energy from the velocity at the present time
-        exceeds both by h^2 f M^-1 f/8 for forces f, which is large where bonds have just broken.
-        """
-        before, now, after = self.velocities_around()
-        arriving, leaving = (
-            self._share.dot(side, now - 0.5 * side, self.mass) for side in (before, after)
-        )
-        return arriving, leaving
-
-    def _following_velocities(self, step: float) -> np.ndarray:
         following = self.velocities.copy()
         # the positions are not used, and the array is free between evaluations
-        self._step(self._ahead, following, step)
-        return following
+        self._step(self._ahead, following, self.next_step())
+        return self._arriving(), following
+
+    def _arriving(self) -> np.ndarray:
+        return self.velocities if self._kicks is None else self.velocities - self._kicks
+
+    def balance(self) -> Balance:
+        """Return the kinetic energies at the present time, and the powers that damping and
+        viscosity dissipate; viscous forces are `forces` minus the elastic forces and loads.
+        """
+        find = self._find_energies
+        find.give("arriving", self._arriving())
+        find.give("elastic", self.elastic_with_loads() if self._viscosity > 0 else self.forces)
+        self._steps[:] = self.last_step, self.next_step()
+        self._run_energies()
+        return Balance(*self._share.total(tuple(self._sums.sum(axis=0).tolist())))
 
     def elastic_with_loads(self) -> np.ndarray:
         """Return the elastic forces plus the loads on every point at the present positions,
         without viscous part, shape (n, d).
         """
         return self.elastic + self._applied if self._loads else self.elastic
-
-    def damped_power(self) -> Power:
-        """Return the power that damping and viscosity dissipate now; viscous forces are `forces`
-        minus the elastic forces and loads.
-        """
-        before, now, after = self.velocities_around()
-        taking = self._damping * self.mass[:, None] * now
-        power = self._damping * self._share.dot(now, now, self.mass)
-        if self._viscosity > 0:
-            viscous = self.free * (self.elastic_with_loads() - self.forces)
-            taking += viscous
-            power += self._share.dot(viscous, now)
-        return Power(self._share.dot(taking, before), power, self._share.dot(taking, after))

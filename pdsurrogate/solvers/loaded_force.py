@@ -149,9 +149,11 @@ for _name in [
     "state_arrays",
     "place",
     "move_plane",
+    "move_planes",
     "pair_forces",
+    "forces_of_planes",
     "levers_on_planes",
-    "forces_beside_pairs",
+    "pass_bonds",
     "deformation_gradients",
     "linearized_dilatation",
 ]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..body.body import sums_at_points
 from ..forces import InternalForce
 from .conditions import Loading
 from .loaded_force import LoadedForce
@@ -20,22 +20,49 @@ class Reactions:
 
     Attributes
     ----------
-    forces : ndarray, shape (holders, d)
-        Total force of each holder; a holder is a named support in the results, which may consist of
-        several held parts.
-    on_planes : ndarray, shape (planes, d)
-        Force of each reflection plane.
-    at_points : ndarray, shape (n, d), or None
-        Forces on held points, 0 in free components; None where no points are held.
+    loading : Loading
+    at_held : ndarray, shape (k,)
+        Reactions in the held components of points, `Loading.there`.
+    on_planes : ndarray, shape (planes, d), or None
+        Force of each reflection plane; None if it was not asked for.
     levers : ndarray, shape (planes, d, d), or None
         First moments of the forces: the sum of the outer products f (x) y over the forces f that
         each plane exerts at the places y; None if no plane turns.
     """
 
-    forces: np.ndarray
-    on_planes: np.ndarray
-    at_points: np.ndarray | None
+    loading: Loading
+    at_held: np.ndarray
+    on_planes: np.ndarray | None = None
     levers: np.ndarray | None = None
+
+    @cached_property
+    def at_points(self) -> np.ndarray | None:
+        """Forces on held points, shape (n, d), 0 in free components; None where no points are
+        held.
+        """
+        loading = self.loading
+        if not loading.of_points:
+            return None
+        found = np.zeros_like(loading.free)
+        found[loading.there] = self.at_held
+        for support in loading.supports:
+            support.spread(found)
+        return found
+
+    @cached_property
+    def forces(self) -> np.ndarray:
+        """Total force of each holder, shape (holders, d); a holder is a named support in the
+        results, which may consist of several held parts.
+        """
+        assert self.on_planes is not None  # of reactions of all supports
+        loading = self.loading
+        found = np.zeros((len(loading.names), loading.body.dimension))
+        if self.at_points is not None:
+            holder, *there = loading.counted
+            np.add.at(found, (holder, there[1]), self.at_points[tuple(there)])
+            found = loading.body.share.total(found)
+        _add_planes(loading, found, self.on_planes)
+        return found
 
 
 def support_reactions(
@@ -46,53 +73,28 @@ def support_reactions(
 ) -> Reactions:
     """Return the reaction forces of all supports on the body in the state last evaluated.
 
-    The reaction at a held point balances the internal force and the loads there.  The reaction
-    of a reflection plane is the force that does work on the displacement of the plane: the sum
-    over bonds to images (mirrored points) of half the bond force, times the displacement of the
-    image per displacement of the plane.  The factor is a half since half the energy of such a
-    bond belongs to the mirrored body.  For a single plane the reaction is the sum of the forces
-    of all bonds that cross it. It balances the parts of loads that images carry, too.
+    The reaction at a held point balances the internal force and the loads there, that of a
+    reflection plane (`InternalForce.forces_of_planes`) the parts of loads that images carry, too.
 
     Parameters
     ----------
     force : LoadedForce
     on_points : ndarray, shape (n, d), optional
-        Internal force and loads on every point in that state; by default summed from the forces
-        of all pairs.
+        Internal force and loads on every point in that state; by default computed anew.
     of_planes : bool
-        Whether the reactions of planes are computed; otherwise they are 0.
+        Whether the reactions of planes are computed.
     """
-    on_planes = np.zeros(loading.plane_components.shape)
-    levers = None
+    share = loading.body.share
+    on_planes = levers = None
     if of_planes:
-        bonds, planes, shares = loading.crossing
-        crossing = force.pair_forces(bonds)
-        np.add.at(on_planes, planes, crossing * shares)
-        on_planes = loading.body.share.total(on_planes) - _loads_on_planes(loading, force)[:, :, 0]
-        levers = _levers_on_planes(loading, force, crossing) if loading.turning else None
-        levers = None if levers is None else loading.body.share.total(levers)
+        on_planes = share.total(force.forces_of_planes()) - _loads_on_planes(loading, force)[..., 0]
+        levers = share.total(force.levers_on_planes()) if loading.turning else None
     if on_points is None and loading.of_points:
         on_points = _on_points(loading, force)
-    return reactions_of(loading, on_planes, levers, on_points)
-
-
-def reactions_of(
-    loading: Loading, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None
-) -> Reactions:
-    """Return the reactions from the forces and levers of planes (see `Reactions`), and
-    internal force plus loads on points (n, d).
-    """
-    forces = np.zeros((len(loading.names), loading.body.dimension))
-    at_points = None
-    if loading.of_points:
-        at_points = -on_points * (1 - loading.free)
-        for support in loading.supports:
-            support.spread(at_points)
-        holder, *there = loading.counted
-        np.add.at(forces, (holder, there[1]), at_points[tuple(there)])
-        forces = loading.body.share.total(forces)
-    _add_planes(loading, forces, on_planes)
-    return Reactions(forces, on_planes, at_points, levers)
+    at_held = -on_points[loading.there] if loading.of_points else np.empty(0)
+    if share.divided:
+        at_held *= share.own[loading.there[0]]
+    return Reactions(loading, at_held, on_planes, levers)
 
 
 def support_moments(loading: Loading, force: LoadedForce, reactions: Reactions) -> np.ndarray:
@@ -108,8 +110,8 @@ def support_moments(loading: Loading, force: LoadedForce, reactions: Reactions) 
         vectors in three, shape (holders, 3).
     """
     levers = np.zeros((len(loading.names), loading.body.dimension, loading.body.dimension))
-    if len(loading.crossing[0]):
-        _add_planes(loading, levers, _levers_on_planes(loading, force))
+    if loading.of_planes:
+        _add_planes(loading, levers, force.levers_on_planes())
     _add_planes(
         loading, levers, -loading.body.share.is_first * _loads_on_planes(loading, force)[:, :, 1:]
     )
@@ -129,28 +131,6 @@ def _add_planes(loading: Loading, of_holders: np.ndarray, of_planes: np.ndarray)
     """
     for holder, plane, rows in loading.rows_of_planes:
         of_holders[holder, rows] += of_planes[plane, rows]
-
-
-def _levers_on_planes(
-    loading: Loading, force: InternalForce, crossing: np.ndarray | None = None
-) -> np.ndarray:
-    """Return the first moments of the forces of planes (`Reactions.levers`), sums of outer
-    products f (x) y, shape (planes, d, d).
-
-    If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds
-    that cross planes, `crossing` (k, d), by default computed here, and y the middles of these
-    bonds.
-    """
-    levers = force.levers_on_planes()
-    if levers is not None:
-        return levers
-    bonds, planes, shares = loading.crossing
-    pulls = (force.pair_forces(bonds) if crossing is None else crossing) * shares
-    ends = loading.body.bonds
-    middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
-    levers = np.zeros((len(loading.planes), loading.body.dimension, loading.body.dimension))
-    np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
-    return levers
 
 
 def _loads_on_planes(loading: Loading, force: LoadedForce) -> np.ndarray:
@@ -176,7 +156,7 @@ def _on_points(loading: Loading, force: LoadedForce) -> np.ndarray:
 
 def internal_forces(force: InternalForce) -> np.ndarray:
     """Return the internal force on every point in the state last evaluated, shape (n, d)."""
-    bonds = force.body.bonds
-    total = sums_at_points(len(force.body), bonds.first, bonds.second, force.pair_forces(), -1)
-    beside = force.forces_beside_pairs()
-    return total if beside is None else total + beside
+    found = np.empty_like(force.body.points)
+    force.pass_bonds(found)
+    force.body.share.clear(found)
+    return found

@@ -105,14 +105,16 @@ def compare(one, other, positions):
     one.pass_bonds(out)
     same(out, expected)
     assert one.energy() == pytest.approx(other.energy(), rel=1e-12)
-    for key in ("volume_ratios", "pair_forces", "levers_on_planes", "mean_stress"):
+    for key in (
+        "volume_ratios",
+        "pair_forces",
+        "forces_of_planes",
+        "levers_on_planes",
+        "mean_stress",
+    ):
         same(getattr(one, key)(), getattr(other, key)())
     for found, right in zip(one.stress_and_energy(), other.stress_and_energy(), strict=True):
         same(found, right)
-    beside = [force.forces_beside_pairs() for force in (one, other)]
-    assert (beside[0] is None) == (beside[1] is None) == (one.interfaces is None)
-    if beside[0] is not None:
-        same(*beside)
     if one.interfaces is None:
         motion = np.sin(3 * positions)
         same(released_by(one, motion), released_by(other, motion))

@@ -42,7 +42,7 @@ def energies(block):
     """Of motion and of strain, at the positions; their forces are found again, so that a next
     step is as it would have been.
     """
-    kinetic = block.kept_energy()[1]
+    kinetic = block.balance().leaving
     forces = np.empty_like(block.forces)
     block.force(block.positions, forces)
     return kinetic, measures.strain_energy(block.force)
@@ -109,13 +109,13 @@ def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones():
         bar = free_block((10, 2, 2), wave, viscosity)
         start, taken = sum(energies(bar)), 0.0
         bar.find_elastic()
-        power = bar.damped_power()
+        power = bar.balance()
         steps = round(2 * np.pi / omega / bar.time_step)
         for _ in range(steps):
             bar.move()
             bar.evaluate()
-            last, power = power, bar.damped_power()
-            taken += 0.5 * bar.last_step * (last.after + power.before)
+            last, power = power, bar.balance()
+            taken += 0.5 * bar.last_step * (last.taken_after + power.taken_before)
         left[wave] = sum(energies(bar))
         assert left[wave] + taken == pytest.approx(start, rel=1e-4)
         left[wave] /= start
