@@ -55,6 +55,8 @@ class InternalForce:
         for rigid ones; None with one material.
     positions : ndarray, shape (n + m, d)
         Positions of points and ghosts as last set by `place` or a call.
+    move_planes : callable
+        Method of `Kinematics`: moves all reflection planes.
     interfaces : Interfaces or None
         Interfaces between materials; None if the body has one material.
     law : Law
@@ -129,6 +131,7 @@ class InternalForce:
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
         self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane)
         self.positions = kinematics.positions
+        self.move_planes = kinematics.move_planes
         kinds: Sequence[type[Term]] = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
         self.portion_of = (
@@ -308,12 +311,6 @@ class InternalForce:
         if turn is not None:
             motions[plane, :, :-1] = turn
         self.move_planes(motions)
-
-    def move_planes(self, motions: np.ndarray) -> None:
-        """Displace all reflection planes by u(X) = turn X + displacement, with the `motions` [turn,
-        displacement] of shape (planes, d, d + 1).
-        """
-        self._kinematics.move_planes(motions)
 
     def deformation_gradients(self, images: bool = False) -> np.ndarray:
         """Return the deformation gradients F of the points, or of their `images` (ghosts), at the
