@@ -7,10 +7,11 @@ Lengths in mm, stresses in MPa. All tears are slow, with bond-energy.
 """
 
 import math
+import time
 
 import numpy as np
 import scipy
-from cases import CLAMPS, ROLLERS, drawing, of_rows, percent, report, rows_of, stored
+from cases import CLAMPS, ROLLERS, drawing, ending_at, of_rows, percent, report, rows_of, stored
 
 import pdsurrogate as pds
 from pdsurrogate.materials import PLANES, homogeneous
@@ -29,21 +30,29 @@ FRACTURE = {
 LENGTH = ENERGY / homogeneous.uniaxial(LAW, stretch_at_stress(LAW, UNIAXIAL)).energy_density
 
 
-def torn(size, spacing, **keys):
-    """The summary of a slow tear of a rectangle or a box."""
-    base = {"name": "circle", "spacing": spacing, "material": LAW.describe(), "fracture": FRACTURE}
+PAST_PEAK = 60
+"""Broken bonds at which a tear ends: those of 12 spacings along a row of a sheet."""
+
+
+def run(size, spacing, **keys):
+    """The result of a rectangle or a box."""
+    base = {"name": "circle", "spacing": spacing, "material": LAW.describe(), **keys}
     shape = "box" if len(size) == 3 else "rectangle"
+    base |= {"body": {"shape": shape, "size": size}}
+    return pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
+
+
+def torn(size, spacing, fracture=FRACTURE, **keys):
+    """The summary of a slow tear."""
     ratio = 1.75 if len(size) == 3 else 2.2
-    base |= {"body": {"shape": shape, "size": size}, "horizon_ratio": ratio}
-    return pds.simulate(pds.Scene.model_validate(base | keys), "bond-energy", threads=1).summary
+    with ending_at(PAST_PEAK):
+        return run(size, spacing, fracture=fracture, horizon_ratio=ratio, **keys).summary
 
 
-def rate(size, spacing, **keys):
-    """The energy release rate of the elastic body with the same cut."""
-    base = {"name": "elastic", "spacing": spacing, "material": LAW.describe()}
-    base |= {"body": {"shape": "rectangle", "size": size}, "horizon_ratio": 2.2, **keys}
-    found = pds.simulate(pds.Scene.model_validate(base), "bond-energy", threads=1)
-    return found.levels[-1]["cracks"][0]["energy_release_rate"]
+def elastic(size, spacing, **keys):
+    """The last output of the elastic body, and its energy release rate."""
+    level = run(size, spacing, horizon_ratio=2.2, **keys).levels[-1]
+    return level, level["cracks"][0]["energy_release_rate"]
 
 
 def stretch_at(stress_at, stress):
@@ -107,15 +116,12 @@ def result(size, spacing, summary, found):
     return size, spacing, crack["start"].get("cause"), found, percent(found, ENERGY), gap
 
 
-def cantilever(height, spacing, **fracture):
-    """Two arms moved apart: G of the elastic body with the same cut at the opening at which the
-    load is greatest.
-    """
-    size = [2.5 * height, height]
+def arms(height, spacing, length):
+    """Keys of two arms with a cut of a length, moved apart."""
     half = height / 2
     off = half - spacing / 4
-    keys = {
-        "precuts": [{"start": [-1, half], "end": [height, half]}],
+    return {
+        "precuts": [{"start": [-1, half], "end": [length, half]}],
         "regions": {
             "up": {"box": [[-0.1, height - off], [0.2 * height, 2 * height]]},
             "down": {"box": [[-0.1, -0.1], [0.2 * height, off]]},
@@ -125,11 +131,25 @@ def cantilever(height, spacing, **fracture):
             {"region": "down", "x1": 0.0, "x2": -1.0},
         ],
     }
+
+
+def cantilever(height, spacing, **fracture):
+    """Two arms moved apart: G of the elastic body with the force and the opening at which the force
+    is greatest. Its cut, which gives both, is longer than that of the torn body, since the crack
+    has grown by some spacings.
+    """
+    size = [2.5 * height, height]
     ends = [0.05 * height, {"to": 0.3 * height, "outputs": 5}]
-    summary = torn(size, spacing, steps=ends, **keys, **fracture)
-    opening = summary["crack"]["peak"]["t"]
-    rates = rate(size, spacing, steps=[opening], **keys)
-    yield result(height, spacing, summary, rates)
+    summary = torn(size, spacing, steps=ends, **arms(height, spacing, height), **fracture)
+    peak = summary["crack"]["peak"]
+    logs = []
+    for length in (height, height + 4 * spacing):
+        level, rate = elastic(size, spacing, steps=[peak["t"]], **arms(height, spacing, length))
+        logs.append(np.log([level["forces"]["up"][1], rate]))
+    # force and G are nearly powers of the length
+    (force, rate), slope = logs[0], np.subtract(*logs)
+    part = (math.log(peak["force"]) - force) / slope[0]
+    yield result(height, spacing, summary, math.exp(rate + part * slope[1]))
 
 
 GRIFFITH = [
@@ -151,11 +171,31 @@ def griffith(name, *given):
         yield name, *row
 
 
+def cost(turns, spacing):
+    """Processor time of a tear with two strengths, over that of the same without, in turn."""
+    ratios = []
+    for _ in range(turns + 1):  # the first one compiles
+        times = []
+        for fracture in (FRACTURE, {"energy": ENERGY}):
+            began = time.process_time()
+            list(pure_shear(5.3, spacing, fracture=fracture))
+            times.append(time.process_time() - began)
+        ratios.append(times[0] / times[1])
+    yield (
+        "pure shear",
+        spacing,
+        turns,
+        min(ratios[1:]),
+        float(np.median(ratios[1:])),
+        max(ratios[1:]),
+    )
+
+
 def notched(plane, length, spacing):
     """An edge cut between rollers: nominal stress at the peak, that at which the elastic body has
     the tearing energy, by the square, and the strength of the ligament.
     """
-    side = max(4 * length, 1.6)
+    side = max(min(4 * length, 22.0), 1.6)
     keys = {
         "precuts": [{"start": [-1, side / 2], "end": [length, side / 2]}],
         "grips": ROLLERS,
@@ -166,7 +206,7 @@ def notched(plane, length, spacing):
     summary = torn([side, side], spacing, stretches=[start, 1.4], fracture=fracture, **keys)
     peak = summary["crack"]["peak"]
     fine = min(spacing, length / 8)  # a shorter one has no region around its tip
-    released = rate([side, side], fine, stretches=[peak["stretch"]], **keys)
+    _, released = elastic([side, side], fine, stretches=[peak["stretch"]], **keys)
     griffith = peak["nominal_stress"] * math.sqrt(ENERGY / released)
     gap = summary["quasi_static"]["greatest_energy_gap"]
     cause = summary["crack"]["start"].get("cause")
@@ -293,6 +333,12 @@ if __name__ == "__main__":
             *("test", "height: g", spacing, first_by, "G: .4f", errors, gap),
         ),
         of_rows(
+            "circles-cost",
+            cost,
+            [(5, 0.1325)],
+            *("test", spacing, "turns: d", "least: .2f", "median: .2f", "greatest: .2f"),
+        ),
+        of_rows(
             "circles-fields",
             fields,
             [
@@ -308,6 +354,7 @@ if __name__ == "__main__":
             "circles-notch",
             notched,
             [("stress", one, 0.055 if one < 0.2 else 0.11) for one in (0.11, 0.33, 1.1, 3.3)]
+            + [("stress", 11.0, 0.125)]
             + [("strain", 1.65, 0.11), ("strain, no strength", 1.65, 0.11)],
             *("plane", "cut (l_c): .2f", spacing, first_by, "nominal stress at the peak: .4f"),
             *("Griffith: .4f", "strength of the ligament: .4f", gap),

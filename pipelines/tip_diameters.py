@@ -7,8 +7,8 @@ python pipelines/tip_diameters.py --docs           writes the package's table an
 
 A strip of 4 x 1 with a precut of 1.5 is pulled in pure shear, and G is W h; in plane strain, where
 its volume would not allow that, the grips slide. In a strip that is turned in its lattice, and held
-at points, and in a square with an edge notch, G is -dE/da of two equilibria. All take some five
-hours on one core of 2 GHz.
+at points, and in a square with an edge notch, G is -dE/da of two equilibria. All tears are in
+equilibrium.
 """
 
 import json
@@ -28,21 +28,8 @@ from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters
 
 TABLE = Path(pds.__file__).resolve().parent / "scenes" / "tip_diameters.json"
 
-LONG, PRECUT, ENERGY, RATE = 4.0, 1.5, 0.35, 0.02
-"""Of a strip of height 1: length, precut, fracture energy over shear modulus and height, speed
-of the grips over that of shear waves.
-"""
-
-BEGIN = {0.4: 0.14, 0.8: 0.1, 1.2: 0.08}
-"""Travels over the height at which squares with an edge notch begin to be pulled in dynamics,
-with 10 rows per unit length.
-"""
-
-FINER, AT_PEAK, AROUND = 20, {0.4: 1.36, 0.8: 1.08, 1.2: 1.02}, (0.6, 1.25)
-"""Rows per unit length of finer squares, whose notches have twice as many horizons; travels at the
-peak of squares with 10 rows, and the parts of them between which finer squares are pulled in
-dynamics.
-"""
+LONG, PRECUT, ENERGY = 4.0, 1.5, 0.35
+"""Of a strip of height 1: length, precut, fracture energy over shear modulus and height."""
 
 FAMILIES = {"neo-hookean": "bond force", "bond-energy": "bond energy"}
 """Families of the force models that are measured; learned energies are compared with the exact
@@ -62,6 +49,9 @@ layer: of three layers, two points of the middle one can leave both flanks of a 
 BULK = 20.0
 """Bulk modulus over shear modulus."""
 
+CASE = "family", "plane", "arrangement", "horizon_ratio", "bulk_ratio"
+"""What the diameters of a case have in common, in the order of `told`."""
+
 LEAST = {"rows": 2, "seeds": 5}
 """Tears that a diameter needs, at spacings along a row or over clouds."""
 
@@ -79,37 +69,10 @@ Chosen after some tears: at a horizon of 3.15 spacings, strips of 1.8 to 1.9 suc
 11 % less than those of 2.2 and more.
 """
 
-PULLED = 0.4, 1.5, 0.04
-"""Travels at which dynamics begin and end, and speed of the grips over that of shear waves, over
-the expected travel at the peak. A strip with G = ENERGY has an expected travel of 0.5, which gives
-about the travels and the speed of the other strips.
-"""
-
-SLOWLY, PAST_PEAK = 0.85, 60
-"""Of a slow tear: travel at which bonds begin to break are looked for, over the one expected at the
-peak, and broken bonds after which it ends: those of some ten spacings, along a row.
-"""
-
-DAMPING, SLIDING_DAMPING = 0.02, 0.5
-"""Damping of strips that are held along their grips, and of those that slide, over the speed of
-shear waves and the height.
-
-A strip in plane strain must contract along its grips as it is pulled. It oscillates in this
-direction, and with a damping of 0.02 the load did so by 8 % with a period of some 6 heights over
-the speed of shear waves: its greatest value was that of an oscillation, and spacings deviated by 14
-%. In plane stress a tear with a damping of 0.5 has the same peak as one with 0.02.
-"""
-
-EASED, EASED_FROM = 0.15, 4.0
-"""Travel, over the expected one at the peak, over which the speed of grips that slide rises, and
-the least horizon in spacings at which it does. With grips that start at once the load oscillated by
-2 % at a horizon of 5 spacings, where it has two maxima that are nearly equal: d was 0.69 at one and
-0.77 at the other. At 3.15 spacings, where it has one, d is 0.79 with both starts.
-"""
-
-SAFER = 0.35
-"""Part of the critical time step with which a tear is repeated that failed with the default of
-0.7.
+PAST_PEAK = 5
+"""Advance of the crack, in spacings along a row, at which a tear ends. The tip of a precut grows
+into that of a running crack within 2.5 spacings, at all horizons, and then the load falls: three
+clouds that were torn through had their peaks within 2.2.
 """
 
 OFFSET = 0.3
@@ -167,7 +130,7 @@ def cases(study):
     """All tears of a study by their names, such as "model=bond-energy plane=stress ratio=2.2
     rows=16", which stand in its JSON; figures of those without a peak, or not torn yet, are empty.
     """
-    texts = {"model", "plane", "arrangement", "process"}
+    texts = {"model", "plane", "arrangement"}
     words = {name: [word.split("=") for word in name.split()] for name in stored(study)}
     return {
         name: {key: value if key in texts else json.loads(value) for key, value in of}
@@ -175,16 +138,8 @@ def cases(study):
     }
 
 
-def strip(
-    case,
-    critical=None,
-    precut=None,
-    end=None,
-    **dynamics,
-):
-    """The body of a case: torn (with other settings of its `dynamics`), or with `end` brought
-    into equilibrium at a travel of the grip.
-    """
+def strip(case, critical=None, precut=None, end=None):
+    """The body of a case: torn, or with `end` brought into equilibrium at a travel of the grip."""
     solid, high, spacing = case["plane"] == "space", case.get("high", 1.0), 1 / case["rows"]
     turn = np.radians(case.get("angle", 0))
     # what holds a turned strip at either side
@@ -226,22 +181,8 @@ def strip(
     normal, across = turned(0, 1).tolist(), {"x3": 0.0} if solid else {}
     prescribed = [{"region": ends[0], "name": "low", "x1": 0.0, "x2": 0.0, **across}]
     prescribed += [{"region": ends[1], "name": "high", "x1": normal[0], "x2": normal[1], **across}]
-    first, last, rate = (
-        (0.2, 0.75, RATE) if high == 1 else (BEGIN[case["precut"]] * high, 0.5 * high, RATE / high)
-    )
-    if high != 1 and case["rows"] == FINER:
-        first, last = (AT_PEAK[case["precut"]] * np.array(AROUND)).tolist()
-    if {"critical", "energy"} & case.keys():
-        first, last, rate = (expected_travel(case) * np.array(PULLED)).tolist()
-        rate = min(rate, RATE)
+    last = 0.5 * high if high != 1 else 2 * expected_travel(case)
     slides = case["plane"] == "strain" and high == 1
-    damping = SLIDING_DAMPING if slides else DAMPING
-    if slides and case["ratio"] >= EASED_FROM:
-        prescribed[-1]["amplitude"] = eased(first, last)
-    moving = {"duration": (last - first) / rate, "density": 1.0, "damping": damping} | dynamics
-    pulled = {"to": last, "outputs": 60, "dynamics": moving}
-    if "process" in case:
-        first, pulled = SLOWLY * first / PULLED[0], {"to": last}
     return pds.Scene.model_validate(
         {
             "name": "strip",
@@ -252,7 +193,7 @@ def strip(
             "precuts": [cut],
             "material": law_of(case).describe(),
             "prescribed": sliding(prescribed) if slides else prescribed,
-            "steps": [{"to": first}, pulled] if end is None else [{"to": end, "outputs": 8}],
+            "steps": [{"to": last}] if end is None else [{"to": end, "outputs": 8}],
             **({"fracture": {"critical_stretch": critical}} if end is None else {}),
         }
     )
@@ -267,15 +208,15 @@ def sliding(prescribed):
     return [*prescribed, {"region": "right", "name": "end", "x1": 0.0}]
 
 
-def eased(first, last):
-    """Amplitude of a grip whose speed rises from zero at a travel."""
-    ease, later = EASED * first / PULLED[0], np.linspace(0, last - first, 200)
-    return [
-        [0.0, 0.0],
-        *np.column_stack(
-            [first + later, first + later - ease * (1 - np.exp(-later / ease))]
-        ).tolist(),
+def bonds_a_spacing(case):
+    """Bonds that a crack along a row of the lattice breaks when it grows by a spacing."""
+    reach, solid = int(case["ratio"]), case["plane"] == "space"
+    along, up, deep = np.mgrid[
+        -reach : reach + 1, 1 : reach + 1, -reach * solid : reach * solid + 1
     ]
+    near = along**2 + up**2 + deep**2 <= case["ratio"] ** 2
+    layers = np.maximum(layers_of(case) - abs(deep), 0) if solid else 1
+    return int((near * up * layers).sum())
 
 
 def pulls(case, forces):
@@ -307,27 +248,16 @@ def released(case, travel):
     return float((large - small) / (long - short))
 
 
-def torn(case, **dynamics):
-    """Figures of one tear."""
-    began, horizon = time.process_time(), case["ratio"] / case["rows"]
-    law = law_of(case)
+def torn(case):
+    """A case with the figures of its tear."""
+    began, horizon, law = time.process_time(), case["ratio"] / case["rows"], law_of(case)
     critical = case.get("critical") or pds.critical_stretch_of(
         law, case.get("energy", ENERGY), horizon, guess(case)
     )
-    try:
-        with ending_at(PAST_PEAK if "process" in case else np.inf):
-            result, failure = (
-                pds.simulate(strip(case, critical, **dynamics), case["model"], threads=1),
-                None,
-            )
-    except pds.SimulationFailed as error:
-        result, failure = error.result, error
-    rows = [row for row in result.history if "process" in case or "time" in row]
+    with ending_at(PAST_PEAK * bonds_a_spacing(case)):
+        result = pds.simulate(strip(case, critical), case["model"], threads=1)
+    rows = result.history
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
-    if failure and (
-        not len(load) or load[-1] > load.max() / 2
-    ):  # one that fails when it is nearly torn has had its peak
-        raise failure
     peak = rows[int(load.argmax())]
     travel = (
         peak["displacement_high_2"]
@@ -337,6 +267,7 @@ def torn(case, **dynamics):
     if load.argmax() == len(load) - 1:
         raise ValueError("the load rises until the end of the pull: it has no peak")
     figures = {"critical_stretch": critical, "travel": travel, "peak": float(load.max())}
+    figures["grown"] = peak["broken_bonds"] / bonds_a_spacing(case)
     if case.get("high", 1) == 1 and not case.get("angle"):
         stretch = (
             homogeneous.uniaxial(law, 1 + travel, "strain")
@@ -349,22 +280,8 @@ def torn(case, **dynamics):
     figures["diameter"] = figures["G"] / (
         homogeneous.uniaxial(law, critical).energy_density * result.body.horizon
     )
-    account = result.summary.get("quasi_static") or result.summary["dynamics"][-1]
-    return figures | {
-        "account_percent": account.get("energy_gap"),
-        "seconds": time.process_time() - began,
-        **dynamics,
-    }
-
-
-def repeated(tear, case):
-    """A case with the figures of its tear, which is repeated with shorter time steps if it becomes
-    unstable.
-    """
-    try:
-        yield case | tear(case)
-    except pds.SimulationFailed:
-        yield case | tear(case, safety=SAFER)
+    figures["account_percent"] = result.summary["quasi_static"].get("energy_gap")
+    yield case | figures | {"seconds": time.process_time() - began}
 
 
 def tears_of(name):
@@ -391,7 +308,14 @@ def told(case):
         case["plane"],
         case.get("arrangement", "lattice"),
         case["ratio"],
+        case.get("bulk", BULK),
     )
+
+
+def process(case):
+    """Whether all tears of a case, by `told`, are slow: those in dynamics are from before."""
+    tears = [tear for tear in tears_of("tip-diameters") if told(tear) == case]
+    return "slow" if all("grown" in tear for tear in tears) else "dynamics"
 
 
 def measured():
@@ -410,7 +334,7 @@ def measured():
         ((kind, by_number),) = figures.items()
         entry = dict(
             zip(
-                ("family", "plane", "arrangement", "horizon_ratio", "critical_stretch"),
+                (*CASE, "critical_stretch"),
                 key,
                 strict=True,
             )
@@ -429,7 +353,7 @@ def measured():
 
 def case_of(entry):
     """What `told` returns of the tears of an entry."""
-    return tuple(entry[key] for key in ("family", "plane", "arrangement", "horizon_ratio"))
+    return tuple(entry[key] for key in CASE)
 
 
 def table():
@@ -456,10 +380,12 @@ def diameters(figures):
                 case[0],
                 f"{case[1]}, {case[2]}",
                 f"{case[3]:g}",
+                f"{case[4]:g}",
+                process(case),
                 *(cells.get(stretch, "-") for stretch in stretches),
             ]
         )
-    head = ["force model", "body, points", "horizon (spacings)"]
+    head = ["force model", "body, points", "horizon (spacings)", "K / μ", "tears"]
     return markdown_table([*head, *(f"λ_c = {stretch:g}" for stretch in stretches)], rows)
 
 
@@ -468,7 +394,9 @@ def others(figures):
     found = [
         case
         for case in rows_of(figures)
-        if case["model"] not in FAMILIES or {"bulk", "high", "limit", "layers"} & case.keys()
+        if case["model"] not in FAMILIES
+        or {"high", "limit", "layers"} & case.keys()
+        or ("bulk" in case and "critical" not in case)
     ]
     for case in sorted(
         found,
@@ -524,8 +452,8 @@ def judged():
     between = [told(case) for case in own if told(case) not in stretched]
     found: dict[tuple, dict[str, list[float]]] = {}
     for case in sorted({*map(case_of, table()), *between}):
-        family, plane, arrangement, ratio = case
-        tips = tip_diameters(plane, ratio, family, arrangement)
+        family, plane, arrangement, ratio, bulk = case
+        tips = tip_diameters(plane, ratio, family, arrangement, bulk)
         found[case] = {kind: [] for kind in ("along", "clouds", "turned", "notched", "directions")}
         for tear in [*own, *(strip | {"directions": True} for strip in strips())]:
             if told(tear) == case:
@@ -540,7 +468,7 @@ def judged():
                 )
                 kind = "turned" if kind in ("along", "notched") and tear["angle"] else kind
                 found[case][kind].append(tear["diameter"] / tips.at(tear["critical_stretch"]))
-    return found
+    return {case: ratios for case, ratios in found.items() if any(ratios.values())}
 
 
 def error_of(entries, ratios):
@@ -559,7 +487,7 @@ def peaks(figures):
     """G at the peak over the prescribed one, for every judged case."""
     entries = table()
     for case, ratios in judged().items():
-        family, plane, arrangement, ratio = case
+        family, plane, arrangement, ratio, _ = case
         own = [entry for entry in entries if case_of(entry) == case]
         yield (
             *(family, f"{plane}, {arrangement}", ratio),
@@ -587,5 +515,5 @@ if __name__ == "__main__":
         "other-tips": table_of(others, "force model", "body", *tips),
         "peaks": table_of(peaks, "force model", "body, points", horizon, *rows, "clouds", *turned),
     }
-    named = {name: partial(repeated, torn, case) for name, case in cases("tip-diameters").items()}
+    named = {name: partial(torn, case) for name, case in cases("tip-diameters").items()}
     report(__doc__, Study("tip-diameters", named, tables))

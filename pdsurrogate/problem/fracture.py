@@ -157,8 +157,8 @@ class CriticalStretches:
         self._of_points = of_points
         self._scene = scene
         self._remarks = list[str]()
-        tip = tip_diameters_in(scene, family) if criteria_give(scene, "energy") else None
-        if tip is not None and isinstance(scene.body, Mesh):
+        self._family = family
+        if criteria_give(scene, "energy") and isinstance(scene.body, Mesh):
             self._say(
                 "fracture.energy: crack tips were measured on lattices and relaxed points, not on"
                 " meshes, so that the energy release rate at the peak of the load may differ from"
@@ -173,7 +173,7 @@ class CriticalStretches:
             ),
         ]
         self.of_materials = [
-            self._critical(given or rest, (law, law), tip, f"{key if given else ''}fracture")
+            self._critical(given or rest, (law, law), f"{key if given else ''}fracture")
             for (given, key), law in zip(own, laws, strict=True)
         ]
         names = names_of_materials(scene)
@@ -186,9 +186,7 @@ class CriticalStretches:
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
             key = f"fracture.interfaces.{number}"
-            self.of_interfaces[one, other] = self._critical(
-                entry, (laws[one], laws[other]), tip, key
-            )
+            self.of_interfaces[one, other] = self._critical(entry, (laws[one], laws[other]), key)
             if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
                 why = "they do not touch, or precuts separate them"
                 raise ValueError(
@@ -217,26 +215,25 @@ class CriticalStretches:
             least[one, other] = least[other, one] = stretch
         return least[tuple(ends_of_pairs(self._body, self._of_points).T)]
 
-    def _critical(
-        self, given: Criterion, laws: tuple[Law, Law], tip: TipDiameters | None, key: str
-    ) -> float:
+    def _critical(self, given: Criterion, laws: tuple[Law, Law], key: str) -> float:
         """Return the critical stretch of bonds between two materials, given as such or by a
         fracture energy.
 
-        `tip` has the diameters of a crack tip, and is needed for an energy. Raise ValueError, with
-        the key, if no stretch stores as much energy, or the two materials have different laws. Warn
-        of a critical stretch at which no tip was measured.
+        Raise ValueError, with the key, if no stretch stores as much energy, or the two materials
+        have different laws. Warn of a critical stretch at which no tip was measured.
         """
         if given.critical_stretch is not None:
             return given.critical_stretch
         assert given.energy is not None  # exactly one of the two is given
-        assert tip is not None
+        law = laws[0]
+        bulk_ratio = law.bulk_modulus / law.shear_modulus
+        tip = tip_diameters_in(self._scene, self._family, bulk_ratio)
         try:
-            if laws[0] != laws[1]:
+            if law != laws[1]:
                 raise ValueError(
                     "no crack between two different laws was measured; set critical_stretch instead"
                 )
-            stretch = _stretch_of_energy(laws[0], given.energy / self._body.horizon, tip.at)
+            stretch = _stretch_of_energy(law, given.energy / self._body.horizon, tip.at)
         except ValueError as error:
             raise ValueError(f"{key}.energy: {error}") from None
         if not tip.stretches[0] <= stretch <= tip.stretches[-1]:

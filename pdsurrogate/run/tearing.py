@@ -86,6 +86,8 @@ class Tearing(Equilibria):
         separated between its supports; return True.
         """
         self._account = TearAccount(self.run)
+        if not self._account.totals.load:
+            self._account.totals.load = self.run.damage.greatest_load(self.run.force)
         if not self._checkpoints.resumable:  # broken bonds cannot be restored otherwise
             self._checkpoint()
         super().go()

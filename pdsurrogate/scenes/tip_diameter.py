@@ -16,6 +16,9 @@ TIP_DIAMETER = 1.15
 energy, along a row of the lattice.
 """
 
+BULK_RATIO = 20.0
+"""Bulk modulus over shear modulus of most measured tears."""
+
 LATTICE = "lattice"
 """Arrangement of the points of a body that does not name one."""
 
@@ -26,7 +29,8 @@ def measured_diameters() -> list[dict[str, Any]]:
     simulated tears.
 
     Each entry has the ``family`` of the force models, the ``plane``, the ``arrangement`` of the
-    points, the ``horizon_ratio``, the ``critical_stretch``, and the ``diameter`` in horizons: the
+    points, the ``horizon_ratio``, the ``bulk_ratio`` of bulk and shear modulus, the
+    ``critical_stretch``, and the ``diameter`` in horizons: the
     energy release rate at the peak of the load, divided by the uniaxial energy density at the
     critical stretch and by the horizon. ``mean`` and ``deviation`` are those over the tears, whose
     single diameters follow: ``rows`` by points per unit of height, ``seeds`` by seed.
@@ -51,10 +55,15 @@ class TipDiameters(NamedTuple):
 
 
 def tip_diameters(
-    plane: str, horizon_ratio: float, family: str | None = None, arrangement: str = LATTICE
+    plane: str,
+    horizon_ratio: float,
+    family: str | None = None,
+    arrangement: str = LATTICE,
+    bulk_ratio: float = BULK_RATIO,
 ) -> TipDiameters:
     """Return the diameters of a crack tip by critical stretch, between measured ratios of horizon
-    to spacing linear in spacings.
+    to spacing linear in spacings, and between measured ratios of bulk and shear modulus linear in
+    their logarithm, constant beyond them.
 
     Between two ratios, only the critical stretches that were measured for both count as measured.
 
@@ -69,16 +78,19 @@ def tip_diameters(
         that was measured for the other arguments.
     arrangement : str
         Arrangement of the points.
+    bulk_ratio : float
+        Bulk modulus over shear modulus at small strains.
 
     Raises
     ------
     ValueError
         If no diameter was measured for these arguments; the message lists the measured cases.
     """
-    cases: dict[tuple, dict[float, list]] = {}
+    cases: dict[tuple, dict[float, dict[float, list]]] = {}
     for entry in measured_diameters():
         case = cases.setdefault((entry["family"], entry["plane"], entry["arrangement"]), {})
-        case.setdefault(entry["horizon_ratio"], []).append(
+        by_bulk = case.setdefault(entry["horizon_ratio"], {})
+        by_bulk.setdefault(entry["bulk_ratio"], []).append(
             (entry["critical_stretch"], entry["diameter"])
         )
     told = []
@@ -89,7 +101,8 @@ def tip_diameters(
             and family in (None, known)
             and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9
         ):
-            return _between(by_ratio, horizon_ratio)
+            of_bulk = {ratio: _of_bulk(by_ratio[ratio], bulk_ratio) for ratio in ratios}
+            return _between(of_bulk, horizon_ratio)
         told.append(
             _told(known, state, points)
             + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1])))
@@ -102,6 +115,21 @@ def tip_diameters(
         f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
         " instead"
     )
+
+
+def _of_bulk(by_bulk: dict[float, list], bulk_ratio: float) -> list:
+    """Return stretches with their diameters at a ratio of bulk and shear modulus: those of the
+    least measured one times factors, which need fewer critical stretches.
+    """
+    measured = [np.array(sorted(by_bulk[ratio])).T for ratio in sorted(by_bulk)]
+    stretches, diameters = measured[0]
+    factors = [
+        np.interp(stretches, own[0], own[1] / np.interp(own[0], stretches, diameters))
+        for own in measured
+    ]
+    logs = np.log(sorted(by_bulk))
+    at = [np.interp(np.log(bulk_ratio), logs, of_one) for of_one in np.transpose(factors)]
+    return [*zip(stretches, diameters * at, strict=True)]
 
 
 def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
@@ -126,7 +154,9 @@ def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
     return TipDiameters(stretches, spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]))
 
 
-def tip_diameters_in(scene: SceneData, family: str | None = None) -> TipDiameters:
+def tip_diameters_in(
+    scene: SceneData, family: str | None = None, bulk_ratio: float = BULK_RATIO
+) -> TipDiameters:
     """Return `tip_diameters` for a scene; the points of a mesh count as those of a lattice.
 
     Raise ValueError for a weight of bonds that was not measured: with ``"constant"`` tears needed
@@ -141,9 +171,8 @@ def tip_diameters_in(scene: SceneData, family: str | None = None) -> TipDiameter
             f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
             " instead"
         )
-    return tip_diameters(
-        scene.plane, scene.horizon_ratio, family, getattr(scene.body, "arrangement", LATTICE)
-    )
+    points = getattr(scene.body, "arrangement", LATTICE)
+    return tip_diameters(scene.plane, scene.horizon_ratio, family, points, bulk_ratio)
 
 
 def _told(family: str | None, plane: str, arrangement: str) -> str:

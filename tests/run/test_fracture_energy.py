@@ -64,6 +64,7 @@ def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
             entry["family"] == "bond energy"
             and entry["plane"] == "stress"
             and entry["arrangement"] == "lattice"
+            and entry["bulk_ratio"] == 20.0
         ):
             known.setdefault(entry["horizon_ratio"], {})[entry["critical_stretch"]] = entry[
                 "diameter"
@@ -82,6 +83,33 @@ def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
         assert tip.at(0.3 * first + 0.7 * second) == pytest.approx(
             0.3 * expected[0] + 0.7 * expected[1], rel=1e-12
         )
+
+
+def test_tips_of_nearly_incompressible_material_in_plane_strain_are_larger():
+    """Between measured ratios of the moduli diameters are linear in the logarithm, beyond them
+    constant.
+    """
+    known = {
+        entry["bulk_ratio"]: entry["diameter"]
+        for entry in measured_diameters()
+        if (entry["plane"], entry["arrangement"], entry["horizon_ratio"])
+        == ("strain", "lattice", 2.2)
+        and entry["critical_stretch"] == 1.6
+    }
+    assert sorted(known) == [20.0, 160.0, 1000.0]
+    at = [
+        tip_diameters("strain", 2.2, bulk_ratio=ratio).at(1.6)
+        for ratio in (1.0, 20.0, np.sqrt(20.0 * 160.0), 160.0, 1000.0, 1e4)
+    ]
+    expected = [known[20.0], known[20.0], (known[20.0] + known[160.0]) / 2, known[160.0]]
+    np.testing.assert_allclose(at, [*expected, known[1000.0], known[1000.0]], rtol=1e-12)
+    scene = pds.Scene.model_validate(
+        STRIP | {"plane": "strain", "material": STRIP["material"] | {"bulk_modulus": 160.0}}
+    )
+    (found,) = critical_stretches(scene, "bond energy").of_materials
+    density = homogeneous.uniaxial(scene.material.build(), found).energy_density
+    own = tip_diameters("strain", 2.2, "bond energy", bulk_ratio=160.0)
+    assert density * own.at(found) * 0.1375 == pytest.approx(0.35, rel=1e-9)
 
 
 def critical_stretches(scene, force):
@@ -131,7 +159,7 @@ def test_a_cloud_has_the_diameter_of_clouds(name, changes):
         assert 1.0 < relaxed.at(stretch) / straight.at(stretch) < 1.6
 
 
-@pytest.mark.parametrize("energy", [0.005, 40.0])
+@pytest.mark.parametrize("energy", [0.002, 40.0])
 def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
     scene, tip = (
         pds.Scene.model_validate(STRIP | {"fracture": {"energy": energy}}),

@@ -245,6 +245,23 @@ def test_neither_the_excess_nor_the_tolerance_changes_the_peak(torn, monkeypatch
     assert stresses[1] == pytest.approx(stresses[0], rel=2e-3)
 
 
+@pytest.mark.parametrize("stretches", [[2.0], [1.02, 1.1]])
+def test_the_first_bond_breaks_at_its_limit_however_far_the_loading_goes(stretches):
+    """The excess is at most that of an event: of a critical stretch near 1 the way to the first
+    event was divided as if bonds at rest had no stretch, and it broke at 1.2 times its limit.
+    """
+    critical = 1.1
+    summary = pds.simulate(
+        strip(fracture={"critical_stretch": critical}, stretches=stretches), "bond-energy"
+    ).summary
+    finely = strip(
+        fracture={"critical_stretch": 9.0}, stretches=[summary["crack"]["start"]["stretch"]]
+    )
+    held = pds.simulate(finely, "bond-energy")
+    found = pds.greatest_bond_stretch(held.body, held.body.points + held.displacement())
+    assert found == pytest.approx(critical, rel=2 * tearing.OVERLOAD)
+
+
 def test_settings_of_dynamics_say_how_far_a_slow_tear_goes():
     moving = {"stretch": 1.5, "stretch_rate": 0.1, "density": 1.0, "outputs": 3}
     scene = strip(stretches=[1.3], dynamics=moving)
