@@ -258,9 +258,8 @@ def _factors_and_loads(
     owner = owners[numbers]
     ends = bonds.neighbors[numbers]
     inverse = symmetric(kinematics.inverse_shape)[owner]
-    weights = np.einsum(
-        "bij,bjk,bk->bi", factors[owner], inverse, kinematics.weighted_bonds[numbers]
-    )
+    of_bonds = kinematics.weighted_bonds[kinematics.places_of(numbers, owner)]
+    weights = np.einsum("bij,bjk,bk->bi", factors[owner], inverse, of_bonds)
     for sign, points, forces in (
         (1, first, pull),
         (-1, second, pull),

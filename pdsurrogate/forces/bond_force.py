@@ -8,8 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from ..body import Body
-from ..body.body import lengths_of
+from ..body.alike import pair_strength
 from ..body.ghosts import symmetric
 from ..engine.passes import BoundPass
 from ..kernels import bond_force, reference_state
@@ -55,11 +54,7 @@ class BondForces(MaterialTerm):
             points = self.points_of(
                 number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
             )
-            self.parts.append(
-                PairForces(binding, model, points, self._strength[points.pairs], self.correction)
-            )
-            if isinstance(self.parts[-1].find, BoundPass):
-                self.watches.append(OutsideCounter(binding, model, points, "force", "bond force"))
+            self.parts.append(PairForces(binding, model, points, self._strength, self.correction))
         # Changes that balance pairs, and the first moments that points have lost of them with
         # broken bonds.
         self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
@@ -71,7 +66,13 @@ class BondForces(MaterialTerm):
                 vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
             pairs, changes = balanced_changes(body, vectors)
             self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
+            for part in self.parts:
+                part.separate(part.points.places_of_pairs(pairs)[0])
             self._change(pairs)
+        for part in self.parts:
+            if isinstance(part.find, BoundPass):
+                outside = OutsideCounter(binding, part.model, part.points, "force", "bond force")
+                self.watches.append(outside)
         self.learned_thickness = any(part.learns_thickness for part in self.parts)
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
@@ -121,10 +122,9 @@ class BondForces(MaterialTerm):
             body = self.body
             ends = (self.body.bonds.first[pairs], self.body.bonds.second[pairs])
             vectors = body.all_points[ends[1]] - body.all_points[ends[0]]
-            factors = self._strength[pairs] / (2 * lengths_of(vectors))
             for end in ends:
                 restored = self._lost[end] @ symmetric(self.kinematics.inverse_shape[end])
-                changes += (factors / body.all_volumes[end])[:, None] * np.einsum(
+                changes += (self._strength[pairs] / body.all_volumes[end])[:, None] * np.einsum(
                     "bij,bj->bi", restored, vectors
                 )
         for part in self.parts:
@@ -148,10 +148,8 @@ class BondForces(MaterialTerm):
                 body.ghosts.reflection[:, :, None] * body.ghosts.reflection[:, None]
             )
         for part in self.parts:
-            places, _ = part.points.places_of_pairs(changed)
-            part.find_geometry(
-                places.astype(np.uint32), self._strength[part.points.pairs], self.correction
-            )
+            places, chosen = part.points.places_of_pairs(changed)
+            part.find_geometry(changed[chosen], places, self._strength, self.correction)
         self._change(changed)
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
@@ -172,19 +170,6 @@ class BondForces(MaterialTerm):
         # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
         return self._domain.beyond_data(states.stretches[chosen])
-
-
-def pair_strength(body: Body) -> np.ndarray:
-    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force
-    (`kernels.reference_state.pair_rows`).
-
-    w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its
-    ends.
-    """
-    bonds = body.bonds
-    volumes = body.all_volumes
-    length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
-    return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
 
 class ForceSurrogate(ForceModel):

@@ -4,6 +4,7 @@ at the points.
 
 import numpy as np
 
+from ..body.alike import pair_strength, stored_lists, vectors_between
 from ..body.body import lengths_of
 from ..body.bonds import pointers_to
 from ..body.ghosts import symmetric
@@ -11,7 +12,8 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, weigh_moments
-from .kinematics import Kinematics, entries_of, matrices
+from .kinematics import Kinematics, bonds_of_rows, entries_of, matrices
+from .material_points import MaterialPoints
 from .steps import Step
 
 
@@ -32,11 +34,11 @@ class BondShares:
 
     Attributes
     ----------
-    bond_shares : ndarray, shape (n_bonds,)
-        Share of its point's volume that every directed bond represents.
+    bond_shares : ndarray, shape (k,)
+        Shares of their point's volume that directed bonds represent, in the places of
+        `Kinematics.starts`.
     strength : ndarray, shape (n_pairs,)
-        Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken
-        pairs.
+        `pdsurrogate.body.alike.pair_strength` of every pair; zero for broken pairs.
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:
@@ -46,10 +48,7 @@ class BondShares:
         bonds = self._body.bonds
         n = len(body)
         total = len(body.all_points)
-        length = lengths_of(body.all_points[bonds.second] - body.all_points[bonds.first])
-        self.strength = (
-            body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        )
+        self.strength = pair_strength(body)
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
@@ -57,16 +56,19 @@ class BondShares:
         # The precision is that of the points' own arrays: another one would make `add_node_forces`
         # compile a second time.
         weighted_bonds = aligned_rows((len(toward), body.dimension), precision)
-        self._of_points = bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
+        weights = kinematics.starts, kinematics.weighted_bonds
+        self._of_points = bonds.pointers, bonds.neighbors, *weights, body.volumes
+        pointers = pointers_to(bonds.neighbors[toward] - n, total - n)
         self._of_ghosts = (
-            pointers_to(bonds.neighbors[toward] - n, total - n),
+            pointers,
             neighbors,
+            pointers[:-1],
             weighted_bonds,
             body.all_volumes,
         )
         self._node_parts = np.zeros((total, body.dimension))
-        self.bond_shares = np.zeros(len(bonds.neighbors))
-        self.renew(np.arange(len(length)))
+        self.bond_shares = np.zeros(len(kinematics.weighted_bonds))
+        self._divide_volumes(stored_lists(bonds.pointers, kinematics.alike)[0])
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
         """Update `bond_shares` after a change of `pairs`; return all pairs whose weights
@@ -75,24 +77,17 @@ class BondShares:
         `pairs` must contain all pairs whose `strength`, or whose ends' flags
         `Kinematics.supported`, have changed.
         """
-        kinematics = self._kinematics
         body = self._body
         bonds = self._body.bonds
         n = len(self._body)
         touched = np.zeros(len(body.all_points), dtype=bool)
         affected = np.zeros(len(bonds.first), dtype=bool)
         touched[bonds.first[pairs]] = touched[bonds.second[pairs]] = True
-        touched = np.flatnonzero(touched[:n])
+        touched = np.flatnonzero(touched[:n]).astype(np.uint32)
         affected[bonds.pair_of[entries_of(bonds.pointers, touched)]] = True
-        affected = np.flatnonzero(affected)
         self._divide_volumes(touched)
-        if body.share.divided:
-            body.bond_halo.fill(self.bond_shares)
-            affected = np.union1d(affected, body.share.beside_halo(bonds.first, bonds.second))
-        _, neighbors, weighted_bonds, volumes = self._of_ghosts
-        ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
-        weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
-        return affected
+        beside = body.share.beside_halo(bonds.first, bonds.second)
+        return np.union1d(np.flatnonzero(affected), beside)
 
     def weights_of(
         self, pairs: np.ndarray | slice = slice(None), own: np.ndarray | None = None
@@ -112,28 +107,42 @@ class BondShares:
         """Return the shares that pairs have of the volumes of their two ends, those of the directed
         bonds in `own` alone; zero at ghosts.
         """
-        both = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        one, other = (
-            self.bond_shares[bonds] * (1.0 if own is None else own[bonds]) for bonds in both
-        )
-        return one, np.where(self._body.bonds.second[pairs] < len(self._body), other, 0.0)
+        bonds = self._body.bonds
+        first, second = bonds.first[pairs], bonds.second[pairs]
+        within = second < len(self._body)
+        owners = first, np.where(within, second, first)
+        found = []
+        for bonds_of_ends, of_ends in zip(self._kinematics.bonds_of_pairs, owners, strict=True):
+            numbers = bonds_of_ends[pairs]
+            shares = self.bond_shares[self._kinematics.places_of(numbers, of_ends)]
+            found.append(shares * (1.0 if own is None else own[numbers]))
+        one, other = found
+        return one, np.where(within, other, 0.0)
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
-        """Divide the volumes of the points `rows` among their directed bonds; bonds that an
-        interface omits get no share.
+        """Divide the volumes of the points `rows` among their directed bonds, and weigh the bonds
+        of ghosts.
+
+        Bonds that an interface omits get no share, nor do those of a point that is not supported:
+        it has no gradient, so that its bonds carry nothing.
         """
+        kinematics = self._kinematics
         body = self._body
         bonds = self._body.bonds
-        interfaces = self._kinematics.interfaces
-        numbers = bonds.pair_of
-        strength = self.strength
-        if interfaces is not None:
-            strength = strength[numbers]
-            strength[interfaces.left_out] = 0.0
-            numbers = np.arange(len(numbers), dtype=numbers.dtype)
-        directed = bonds.pointers, bonds.neighbors, numbers
-        arrays = body.all_points, body.volumes, strength, self._kinematics.supported
-        bond_shares[body.dimension](rows, *directed, *arrays, body.horizon, self.bond_shares)
+        pointers, numbers, vectors = bonds_of_rows(body, rows)
+        strength = self.strength[bonds.pair_of[numbers]]
+        strength *= kinematics.supported[bonds.neighbors[numbers]]
+        strength *= np.repeat(kinematics.supported[rows], np.diff(pointers).astype(np.int64))
+        if kinematics.interfaces is not None:
+            strength[np.isin(numbers, kinematics.interfaces.left_out)] = 0.0
+        of_bonds = pointers, vectors, body.volumes, strength, body.horizon
+        bond_shares[body.dimension](rows, *of_bonds, kinematics.starts[rows], self.bond_shares)
+        if body.share.divided:
+            body.bond_halo.fill(self.bond_shares)
+        _, neighbors, _, weighted_bonds, volumes = self._of_ghosts
+        ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
+        places = kinematics.places_of(self._ghost_bonds, neighbors)
+        weighted_bonds[:] = -kinematics.weighted_bonds[places] * ratio[:, None]
 
     def carrying(self, breakable: bool) -> np.ndarray:
         """Return flags of the pairs that carry forces.
@@ -147,29 +156,27 @@ class BondShares:
         return carries
 
     def geometry(
-        self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str
+        self, points: MaterialPoints, own: np.ndarray | None, precision: str
     ) -> np.ndarray:
-        """Return reference data of pairs of the body in blocks, shape (n_blocks, d + 2 or d + 3,
-        BLOCK).
+        """Return reference data of the pairs of a material in blocks, shape (k, d + 2 or d + 3,
+        BLOCK), in the rows `MaterialPoints.rows`.
 
-        The rows are the direction n of the undeformed pair, its inverse length 1/l, the volume
-        `weights` for which its energy counts, and in a body divided among ranks the part of that
-        volume that this rank counts.
+        They are the direction n of the undeformed pair, its inverse length 1/l, the volume for
+        which its energy counts, that of the directed bonds in `own`, and in a body divided among
+        ranks the part of that volume that this rank counts.
         """
         body = self._body
         d = self._body.dimension
-        pairs = np.arange(len(body.bonds.first))[pairs]
-        vectors = (
-            body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
-        )
+        pairs, places = points.stored
+        vectors = vectors_between(body, body.bonds.first[pairs], body.bonds.second[pairs])
         length = lengths_of(vectors)
-        places = np.arange(len(pairs))
         rows = d + (3 if body.share.divided else 2)
-        geometry = aligned_rows((-(-len(pairs) // BLOCK), rows, BLOCK), precision)
+        blocks = len(np.unique(points.rows))
+        geometry = aligned_rows((blocks, rows, BLOCK), precision)
         geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack(
             [vectors / length[:, None], 1 / length]
         )
-        self.put_weights(geometry, places, pairs, weights)
+        self.put_weights(geometry, places, pairs, self.weights_of(pairs, own))
         return geometry
 
     def put_weights(
@@ -196,14 +203,14 @@ class BondShares:
         own: np.ndarray | None = None,
     ) -> None:
         """Write the shares that pairs have of the volumes of their two ends into `end_shares`
-        (n_blocks, 2, BLOCK); zero at ghosts.
+        (k, 2, BLOCK); zero at ghosts.
 
         Parameters
         ----------
         end_shares : ndarray
             Array that is changed in place.
         places, pairs : ndarray of int
-            Numbers of the pairs in the array, and in the body.
+            Numbers of the pairs in the array, see `geometry`, and in the body.
         own : ndarray of bool, shape (n_bonds,), optional
             Flags of the directed bonds whose shares count; by default all.
         """

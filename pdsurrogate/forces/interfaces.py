@@ -204,7 +204,8 @@ class Interfaces:
             owners = self._one_sided.owners
             kept[numbers] = kinematics.weighted_bonds[numbers]
             kept[self.left_out] = 0.0
-            find_shapes(self._body, np.unique(owners).astype(np.uint32), kept, *shapes)
+            rows = np.unique(owners).astype(np.uint32)
+            find_shapes(self._body, rows, kinematics.starts, kept, *shapes)
             self._one_sided.put(self._changes_of(numbers, owners))
         refilled = zip((self._correct, self._correct_back), self._of_corrections(), strict=True)
         for matrix, other in refilled:
@@ -305,7 +306,7 @@ class Interfaces:
             inverse = np.zeros_like(kinematics.inverse_shape)
             supported = np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
-            find_shapes(self._body, rows, kept, inverse, supported)
+            find_shapes(self._body, rows, kinematics.starts, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         self._kept = kept, inverse, supported
         # A rank may have none of these bonds.

@@ -129,14 +129,16 @@ class InternalForce:
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
-        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane)
+        several = not isinstance(portions[0].points, slice)
+        changing = settings.breakable or any(portion.law.memory for portion in portions)
+        self._kinematics = kinematics = Kinematics(
+            body, self.precision, settings.plane, changing or several
+        )
         self.positions = kinematics.positions
         self.move_planes = kinematics.move_planes
         kinds: Sequence[type[Term]] = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
-        self.portion_of = (
-            None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
-        )
+        self.portion_of = _numbers_of(body, portions) if several else None
         elastic = [portion.law.shear_modulus for portion in portions]
         glassy = [portion.law.shear_modulus + portion.law.memory.modulus for portion in portions]
         self.force_scale = max(elastic)

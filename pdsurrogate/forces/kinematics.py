@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
+from ..body.alike import alike, alike_blocks, stored_lists, vectors_between
 from ..body.body import lengths_of
-from ..body.bonds import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain, Pass
 from ..engine.threads import chunks_of
@@ -42,6 +42,9 @@ class Kinematics:
     precision : {"float32", "float64"}
         Precision of the weighted bonds; positions, gradients and sums are double.
     plane : {"stress", "strain", "space"}
+    alone : bool
+        Whether each bond has numbers of its own, because bonds break or have memory, or materials
+        differ.
 
     Attributes
     ----------
@@ -49,9 +52,14 @@ class Kinematics:
         Positions of the n points, then of the m ghosts (mirror images).
     gradients : ndarray, shape (n + m, d d)
         Deformation gradients F of points and ghosts, by columns.
-    weighted_bonds : ndarray, shape (n_bonds, d)
-        w x V_j of every directed bond, with the weight w, the reference vector x and the volume V_j
-        of its second end; zero if broken.
+    alike : ndarray of int, shape (n,)
+        The first point with bonds like those of each point, see `pdsurrogate.body.alike`; each
+        itself if bonds are `alone`.
+    starts : ndarray of uint64, shape (n,)
+        Place in `weighted_bonds` at which the bonds of each point begin.
+    weighted_bonds : ndarray, shape (k, d)
+        w x V_j of the directed bonds of points that are not alike, with the weight w, the reference
+        vector x and the volume V_j of the second end; zero if broken.
     inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
         Inverse shape tensor K^-1 as its upper triangle row by row, zero where the bonds do not span
         all dimensions.
@@ -80,7 +88,9 @@ class Kinematics:
         Duration of the step before, see `InternalForce.elapse`.
     """
 
-    def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
+    def __init__(
+        self, body: Body, precision: str, plane: str = "stress", alone: bool = False
+    ) -> None:
         self.body = body
         self.plane = plane
         bonds = body.bonds
@@ -89,20 +99,12 @@ class Kinematics:
         total = len(points)
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
-        vectors = points[bonds.neighbors] - points[body.bond_owners]
-        factors = body.weigh(lengths_of(vectors)) * body.all_volumes[bonds.neighbors]
-        self.weighted_bonds = aligned_rows(vectors.shape, precision)
-        self.weighted_bonds[:] = vectors * factors[:, None]
-        self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
-        self.supported = np.zeros(total, dtype=np.uint8)
-        find_shapes(
-            body,
-            np.arange(len(body), dtype=np.uint32),
-            self.weighted_bonds,
-            self.inverse_shape,
-            self.supported,
-        )
-
+        each = np.arange(len(body))
+        alone = alone or body.relaxed or body.share.divided
+        self._store(each if alone else alike(body), precision)
+        # Bonds to points without support carry nothing, and others like them do.
+        if not (alone or self.supported.all()):
+            self._store(each, precision)
         self.changed: list[ChangedWeights] = []
         self.balance: BalancedWeights | None = None
         self.positions = points.copy()
@@ -128,9 +130,41 @@ class Kinematics:
         self._gradient_shifts = np.zeros((len(ghosts), d * d))
         self._place_alone = Chain(self._place)
 
+    def _store(self, alike: np.ndarray, precision: str) -> None:
+        """Compute weights and shape tensors, those of points that are `alike` once."""
+        body = self.body
+        bonds = self.body.bonds
+        n, d = self.body.points.shape
+        total = len(body.all_points)
+        self.alike = alike
+        rows, self.starts = stored_lists(bonds.pointers, alike)
+        _, numbers, vectors = bonds_of_rows(body, rows)
+        factors = body.weigh(lengths_of(vectors)) * body.all_volumes[bonds.neighbors[numbers]]
+        self.weighted_bonds = aligned_rows(vectors.shape, precision)
+        self.weighted_bonds[:] = vectors * factors[:, None]
+        self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
+        self.supported = np.zeros(total, dtype=np.uint8)
+        shapes = self.inverse_shape, self.supported
+        find_shapes(body, rows, self.starts, self.weighted_bonds, *shapes)
+        for each in shapes:
+            each[:n] = each[alike]
+        body.ghosts.fill_shapes(self.inverse_shape, slice(None))
+        body.ghosts.fill(self.supported)
+
     def bind(self, what: Pass, *arguments) -> BoundPass:
         """Return a pass bound to its arguments, in the chunks of this body."""
         return what.bind(*arguments, chunks=self.chunks)
+
+    @cached_property
+    def rows_of_blocks(self) -> np.ndarray:
+        """Row in which the constants of each block of pairs are stored, one for all that are
+        alike.
+        """
+        blocks = np.arange(len(self.body.bonds.ends_in_blocks(BLOCK)[0]) // BLOCK)
+        if len(self.weighted_bonds) == len(self.body.bonds.neighbors):
+            return blocks.astype(np.uint32)
+        found = alike_blocks(self.body, self.alike, BLOCK)
+        return stored_lists(np.append(blocks, len(blocks)), found)[1].astype(np.uint32)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -157,6 +191,7 @@ class Kinematics:
         find_shapes(
             self.body,
             touched,
+            self.starts,
             self.weighted_bonds,
             self.inverse_shape,
             self.supported,
@@ -179,10 +214,17 @@ class Kinematics:
         """Numbers of the two directed bonds of every pair, from its first and its second end;
         for a pair with a ghost, the first twice.
         """
-        pair_of = self.body.bonds.pair_of
-        order = np.argsort(pair_of, kind="stable").astype(np.uint32)
-        pointers = pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
-        return order[pointers[:-1]], order[pointers[1:] - 1]
+        bonds = self.body.bonds
+        forward = bonds.neighbors > self.body.bond_owners
+        one = np.flatnonzero(forward).astype(np.uint32)
+        other = one.copy()
+        backward = np.flatnonzero(~forward)
+        other[bonds.pair_of[backward]] = backward
+        return one, other
+
+    def places_of(self, numbers: np.ndarray, owners: np.ndarray) -> np.ndarray:
+        """Return the places in `weighted_bonds` of directed bonds, with these first points."""
+        return (self.starts[owners] - self.body.bonds.pointers[owners]).astype(np.int64) + numbers
 
     @cached_property
     def outer_pairs(self) -> np.ndarray:
@@ -235,10 +277,9 @@ class Kinematics:
         for gradients, 0 for changes.
         """
         bonds = self.body.bonds
-        arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
-        form = self.bind(
-            deformation_gradients[self.body.dimension], positions, *arrays, unsupported, gradients
-        )
+        arrays = bonds.pointers, bonds.neighbors, self.starts, self.weighted_bonds
+        given = positions, *arrays, self.inverse_shape, unsupported, gradients
+        form = self.bind(deformation_gradients[self.body.dimension], *given)
         return [
             form,
             *(step for each in self.changed for step in each.gradient_steps(positions, gradients)),
@@ -344,6 +385,7 @@ class Kinematics:
 def find_shapes(
     body: Body,
     rows: np.ndarray,
+    starts: np.ndarray,
     weighted_bonds: np.ndarray,
     inverse_shape: np.ndarray,
     supported: np.ndarray,
@@ -355,18 +397,22 @@ def find_shapes(
     `images` are the ghosts of points that change, by default all; those of halo points that other
     ranks change are among them.
     """
-    bonds = body.bonds
-    shape_rows[body.dimension](
-        rows,
-        bonds.pointers,
-        bonds.neighbors,
-        body.all_points,
-        weighted_bonds,
-        inverse_shape,
-        supported,
-    )
+    pointers, _, vectors = bonds_of_rows(body, rows)
+    of_bonds = pointers, vectors, starts[rows], weighted_bonds
+    shape_rows[body.dimension](rows, *of_bonds, inverse_shape, supported)
     body.ghosts.fill_shapes(inverse_shape, images)
     body.ghosts.fill(supported)
+
+
+def bonds_of_rows(body: Body, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the index at which the directed bonds of each of the points `rows` begin in two
+    further arrays: the numbers of these bonds, and their undeformed vectors.
+    """
+    bonds = body.bonds
+    counts = (bonds.pointers[rows + 1] - bonds.pointers[rows]).astype(np.int64)
+    numbers = entries_of(bonds.pointers, rows)
+    vectors = vectors_between(body, np.repeat(rows, counts), bonds.neighbors[numbers])
+    return np.append(0, np.cumsum(counts)).astype(np.uint64), numbers, vectors
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -55,6 +55,8 @@ class MaterialPoints:
         In a body of several materials, flags of the points of other materials.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
+    rows : ndarray of uint32, shape (n_blocks,)
+        Row in which the constants of each block of pairs are stored, one for all that are alike.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
     volume_ratios : ndarray, shape (k,)
         Volume ratios J3 of the points.
@@ -98,6 +100,7 @@ class MaterialPoints:
             self.numbers = self.pairs = slice(None)
             self.own = slice(len(body)), slice(len(body))
             self.first, self.second = body.bonds.ends_in_blocks(BLOCK)
+            self.rows = kinematics.rows_of_blocks
             self.positions = kinematics.positions
             self.gradients = kinematics.gradients
             self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
@@ -134,6 +137,7 @@ class MaterialPoints:
         self.first, self.second = (
             np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends
         )
+        self.rows = np.arange(len(self.first) // BLOCK, dtype=np.uint32)
         size = len(self.numbers)
         d = body.dimension
         self.positions = aligned_rows((size, d))
@@ -162,6 +166,17 @@ class MaterialPoints:
         places = np.searchsorted(self.pairs, pairs)
         chosen = np.flatnonzero(np.searchsorted(self.pairs, pairs, side="right") > places)
         return places[chosen], chosen
+
+    @property
+    def stored(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers in the body of the pairs whose constants are stored, and their places in the rows
+        of `rows`, one row after the other.
+        """
+        pairs = np.arange(len(self._kinematics.body.bonds.first))[self.pairs]
+        _, blocks = np.unique(self.rows, return_index=True)
+        places = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        within = np.flatnonzero(places < len(pairs))
+        return pairs[places[within]], within
 
     def pairs_of_points(self) -> tuple[np.ndarray, ...]:
         """Return the pairs of each point of this object, see `pdsurrogate.body.bonds`."""

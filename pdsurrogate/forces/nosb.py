@@ -54,6 +54,7 @@ class PointStress(MaterialTerm):
             self._stresses,
             bonds.pointers,
             bonds.neighbors,
+            kinematics.starts,
             kinematics.weighted_bonds,
             body.volumes,
         )

@@ -76,18 +76,17 @@ class PairEnergy(MaterialTerm):
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
-            weights = self.shares.weights_of(own=own)
-            points = self.points_of(number, None if whole else np.flatnonzero(weights))
+            pairs = None if whole else np.flatnonzero(self.shares.weights_of(own=own))
+            points = self.points_of(number, pairs)
             self.watches.append(OutsideCounter(binding, model, points, "energy", "energy"))
-            each.append((binding, self.shares, model, points, weights[points.pairs]))
+            each.append((binding, self.shares, model, points, own))
             self._own_bonds.append(own)
         if self.selective:
             sizes = [len(points.first) for points in self.materials]
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
             self.parts = [
-                SelectivePairs(*one, *more)
-                for one, *more in zip(each, volumes, self._own_bonds, strict=True)
+                SelectivePairs(*one, of_pairs) for one, of_pairs in zip(each, volumes, strict=True)
             ]
             self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:

@@ -1,10 +1,12 @@
 """Forces of the pairs of one material, with the compiled pass that computes them."""
 
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from ..body.alike import vectors_between
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
@@ -65,16 +67,18 @@ class PairForces(Pairs):
     binding : Binding
     model : ForceSurrogate
     points : MaterialPoints
-    strength : ndarray
-        Strengths of these pairs, see `pair_strength`.
+    strength : ndarray, shape (n_pairs,)
+        `pdsurrogate.body.alike.pair_strength` of the pairs of the body.
     correction : str
         Correction of incomplete horizons, see `ForceSettings`.
 
     Attributes
     ----------
-    geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
+    geometry : ndarray, shape (k, 4 to 6, BLOCK)
         Reference vectors of the pairs in blocks, see
         `pdsurrogate.kernels.reference_state.pair_rows`.
+    rows : ndarray of uint32, shape (n_blocks,)
+        Row of each block in `geometry`.
     find : Step
         Compiled pass that finds the forces and counts the pairs outside the model's domain; or
         `evaluate` for a model without compiled code.
@@ -91,23 +95,24 @@ class PairForces(Pairs):
         precision = binding.precision
         plane = binding.settings.plane
         body = kinematics.body
-        threads = kinematics.chunks.threads
-        blocks = len(points.first) // BLOCK
         super().__init__(model, points, precision)
         self._kinematics = kinematics
         self._precision = precision
+        self._binding = binding
         compiled = model.compiled(precision)
         self._weights = compiled.weights
         if plane == "strain" and not compiled.asks_law:
             compiled = in_plane_strain(compiled, law, precision)
         divided = body.share.divided
         rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
+        self.rows = points.rows
+        pairs, places = points.stored
+        blocks = len(np.unique(self.rows))
         self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
         if divided:
-            numbers = np.arange(len(strength))
-            counted = body.share.own[body.bonds.first[points.pairs]]
-            self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
-        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
+            counted = body.share.own[body.bonds.first[pairs]]
+            self.geometry[places // BLOCK, bond_force.COUNTED_ROW, places % BLOCK] = counted
+        self.find_geometry(pairs, places, strength, correction)
         self.learns_thickness = (
             law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         )
@@ -115,13 +120,25 @@ class PairForces(Pairs):
             points.state_pass = surrogate_states(
                 points, compiled, model.domain, precision, kinematics.chunks
             )
+        self._compiled = compiled
+
+    @cached_property
+    def find(self) -> Step:
+        points = self.points
+        model = self.model
+        kinematics = self._kinematics
+        binding = self._binding
+        compiled = self._compiled
+        precision = self._precision
+        threads = kinematics.chunks.threads
         guard = bond_force.UNGUARDED if model.domain is None else OUTSIDE_POLICIES[binding.outside]
         domain = (
             EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
         )
         within = domain.interior if binding.outside == "fallback" else domain
         limits = np.stack([domain.limits(precision), within.limits(precision)])
-        arrays = points.positions, points.records, ((points.first, points.second), self.geometry)
+        pairs = (points.first, points.second), self.geometry, self.rows
+        arrays = points.positions, points.records, pairs
         force = (
             compiled.address,
             bond_force.analytic_bond_force(precision).address,
@@ -131,7 +148,7 @@ class PairForces(Pairs):
         )
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
-        self.find: Step = (
+        return (
             kinematics.bind(bond_force.pair_forces, *arrays, *force, memory, self.forces)
             if compiled.address
             else self.evaluate
@@ -141,17 +158,30 @@ class PairForces(Pairs):
         super().set_parameters(model)
         self._weights[:] = model.compiled(self._precision).weights
 
-    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
-        """Compute the rows of `geometry` for some `pairs` of the material; `strength` holds
-        `pair_strength` of all its pairs.
+    def find_geometry(
+        self, pairs: np.ndarray, places: np.ndarray, strength: np.ndarray, correction: str
+    ) -> None:
+        """Compute the rows of `geometry` for some `pairs` of the body, in their `places`;
+        `strength` holds `pair_strength` of all pairs.
         """
         kinematics = self._kinematics
-        points = self.points
         body = self._kinematics.body
-        ends = points.first, points.second, body.all_points[points.numbers]
-        shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
+        ends = body.bonds.first[pairs], body.bonds.second[pairs]
+        given = *ends, vectors_between(body, *ends), strength[pairs]
+        shapes = kinematics.inverse_shape, kinematics.supported
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
-        reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
+        reference_state.pair_rows(places, *given, *shapes, *rule, self.geometry)
+
+    def separate(self, pairs: np.ndarray) -> None:
+        """Give the blocks of some `pairs` rows of their own, before `find` is used."""
+        if len(self.geometry) < len(self.rows):
+            blocks = np.unique(pairs // BLOCK)
+            rows = np.append(np.arange(len(self.geometry)), self.rows[blocks])
+            geometry = aligned_rows((len(rows), *self.geometry.shape[1:]), self._precision)
+            geometry[:] = self.geometry[rows]
+            self.geometry = geometry
+            self.rows = self.rows.copy()
+            self.rows[blocks] = np.arange(len(rows) - len(blocks), len(rows))
 
     def states(self) -> tuple[np.ndarray, BondStates, np.ndarray]:
         """Return, in a body of one material, the numbers of the pairs that carry a force, their
@@ -161,7 +191,7 @@ class PairForces(Pairs):
         body = self._kinematics.body
         records = self.points.records
         self.points.find()
-        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: len(body.bonds.first)])
+        pairs = np.flatnonzero(self.geometry[self.rows, 2].ravel()[: len(body.bonds.first)])
         first = body.bonds.first[pairs]
         second = body.bonds.second[pairs]
         x, between = (
@@ -179,7 +209,7 @@ class PairForces(Pairs):
         """Find `forces` in NumPy, for all pairs at once."""
         pairs, states, (n1, n2) = self.states()
         T_nn, T_nm, T_mm = self.model.tractions(states)
-        _, _, normal, tilt, *_ = self.geometry[pairs // BLOCK, :, pairs % BLOCK].T
+        _, _, normal, tilt, *_ = self.geometry[self.rows[pairs // BLOCK], :, pairs % BLOCK].T
         along = normal * T_nn + tilt * T_nm
         across = normal * T_nm + tilt * T_mm
         self.forces[:] = 0.0
@@ -187,14 +217,14 @@ class PairForces(Pairs):
 
     def reference_vectors(self) -> np.ndarray:
         """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
-        n1, n2, along, across = (self.geometry[:, row] for row in range(4))
+        n1, n2, along, across = (self.geometry[self.rows, row] for row in range(4))
         return np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1).reshape(
             -1, 2
         )
 
     def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""
-        block = pairs // BLOCK
+        block = self.rows[pairs // BLOCK]
         lane = pairs % BLOCK
         n1, n2, along = self.geometry[block, :3, lane].T.astype(float)
         one, other = changes.T

@@ -105,11 +105,8 @@ class PairsWithEnergy(Pairs):
         count, d = self.forces.shape
         self.moments = aligned_rows((count, d * d), precision)
         self.places = (points.positions, points.gradients)
-        self.pairs = (
-            (points.first, points.second),
-            geometry,
-        )
-        self.energies = np.zeros(len(geometry))
+        self.pairs = (points.first, points.second), geometry, points.rows
+        self.energies = np.zeros(len(points.rows))
 
     def set_parameters(self, model) -> None:
         super().set_parameters(model)
@@ -139,8 +136,8 @@ class PairEnergies(PairsWithEnergy):
     shares : BondShares
     model : EnergySurrogate
     points : MaterialPoints
-    weights : ndarray
-        Volumes for which the energies of these pairs count.
+    own : ndarray of bool, shape (n_bonds,), or None
+        Directed bonds of the material's points; None if these are all.
 
     Attributes
     ----------
@@ -154,14 +151,12 @@ class PairEnergies(PairsWithEnergy):
         shares: BondShares,
         model,
         points: MaterialPoints,
-        weights: np.ndarray,
+        own: np.ndarray | None,
     ) -> None:
         kinematics = binding.kinematics
         precision = binding.precision
         domain = model.domain
-        super().__init__(
-            model, points, shares.geometry(points.pairs, weights, precision), precision
-        )
+        super().__init__(model, points, shares.geometry(points, own, precision), precision)
         compiled = model.compiled(precision)
         threads = kinematics.chunks.threads
         self._weights = compiled.weights
@@ -216,12 +211,10 @@ class SelectivePairs(PairsWithEnergy):
 
     Parameters
     ----------
-    binding, shares, model, points, weights
+    binding, shares, model, points, own
         See `PairEnergies`; the model has an `isochoric_energy`.
     volumes : ndarray, shape (n_blocks * BLOCK,)
         Array that receives det F_ij of the pairs.
-    own : ndarray of bool, shape (n_bonds,), or None
-        Directed bonds of the material's points; None if these are all.
 
     Attributes
     ----------
@@ -233,8 +226,9 @@ class SelectivePairs(PairsWithEnergy):
     volume_energies : ndarray
         Volumetric energies of blocks of the material's points, divided by the shear modulus
         (`VolumeEnergy`).
-    end_shares : ndarray, shape (n_blocks, 2, BLOCK)
-        Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
+    end_shares : ndarray, shape (k, 2, BLOCK)
+        Shares of the volumes of both ends, in the rows of `geometry`, see
+        `BondShares.fill_end_shares`.
     find_volumes : BoundPass
         Pass that returns the number of pairs turned inside out.
     """
@@ -245,9 +239,8 @@ class SelectivePairs(PairsWithEnergy):
         shares: BondShares,
         model,
         points: MaterialPoints,
-        weights: np.ndarray,
+        own: np.ndarray | None,
         volumes: np.ndarray,
-        own,
     ) -> None:
         dimension = points.positions.shape[1]
         chunks = binding.kinematics.chunks
@@ -255,14 +248,14 @@ class SelectivePairs(PairsWithEnergy):
             points.law, binding.settings.plane, binding.outside, binding.precision
         )
         # the volumes are computed from this array
-        geometry = shares.geometry(points.pairs, weights, "float64")
+        geometry = shares.geometry(points, own, "float64")
         super().__init__(model, points, geometry, isochoric.precision)
         self.pressures = np.zeros(len(points.positions))
         self.volume_energies = np.zeros(0)
         self.volumes = volumes
         self.end_shares = aligned_rows((len(geometry), 2, BLOCK))
-        pairs = np.arange(len(binding.kinematics.body.bonds.first))[points.pairs]
-        shares.fill_end_shares(self.end_shares, np.arange(len(pairs)), pairs, own)
+        pairs, places = points.stored
+        shares.fill_end_shares(self.end_shares, places, pairs, own)
         self.buffers = aligned_rows(
             (chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1
         )

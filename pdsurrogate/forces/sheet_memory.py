@@ -48,13 +48,13 @@ class SheetMemory(PairMemory):
             (kinematics.chunks.threads, sheet_memory.BUFFER_ROWS, BLOCK), value=1
         )
         self._find_volumes = kinematics.bind(
-            sheet_memory.pair_volumes, *part.places, part.pairs, law, steps, buffers, self._J3
+            sheet_memory.pair_volumes, *part.places, part.pairs[:2], law, steps, buffers, self._J3
         )
         results = part.count_rows, part.energies, stored, part.forces, part.moments
         find = kinematics.bind(
             sheet_memory.pair_energies,
             *part.places,
-            part.pairs,
+            part.pairs[:2],
             law,
             steps,
             buffers,

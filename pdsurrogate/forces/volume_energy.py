@@ -77,7 +77,7 @@ class VolumeEnergy:
         self.dilatations = np.ones(n)
         slopes = np.zeros(n)
         self.places = self._places()
-        shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
+        shares_of_bonds = bonds.pointers, self.places, binding.kinematics.starts, shares.bond_shares
         find_means = binding.kinematics.bind(
             selective_energy.means_over_bonds, *shares_of_bonds, volumes, 1.0, means
         )
@@ -274,6 +274,7 @@ class LinearizedDilatation:
                     theirs,
                     points.first,
                     points.second,
+                    points.rows,
                     part.end_shares,
                     by_pair,
                 ),
@@ -312,6 +313,7 @@ class LinearizedDilatation:
                 selective_energy.means_over_bonds,
                 bonds.pointers,
                 volume.places,
+                kinematics.starts,
                 shares.bond_shares,
                 of_pairs,
                 0.0,

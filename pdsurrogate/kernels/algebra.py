@@ -289,15 +289,17 @@ def _space(algebra):
         """Write ``out[point] = sum of (positions[neighbors[b]] - positions[point]) (x)
         weights[b]``, by columns, over the bonds b.
 
-        `bonds` are the start and the (excluded) stop of the range of b.
+        `bonds` are the start and the (excluded) stop of the range of b, and the place of the first
+        weight.
         `vector_loads.sum_outer_products` does this for two dimensions.
         """
         own = algebra.vector_at(positions, point)
         summed = algebra.no_matrix()
         for b in range(bonds[0], bonds[1]):
-            fetch(weights, 3 * (b + AHEAD))
+            place = b - bonds[0] + bonds[2]
+            fetch(weights, 3 * (place + AHEAD))
             x = algebra.minus(algebra.vector_at(positions, neighbors[b]), own)
-            summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, b))
+            summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, place))
         algebra.put(out, point, summed)
 
     return {

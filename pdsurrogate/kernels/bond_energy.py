@@ -123,18 +123,18 @@ def pair_energies(
     S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of
     either point: P is the first Piola-Kirchhoff stress of the pair, V_b the volume that its bond
     represents, and n and l are the direction and the length of the undeformed bond. `pairs` are the
-    numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2,
-    1/l, V_b and, where a body has several materials or ranks, the part of V_b whose energy counts
-    here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs,
-    and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or
-    FALL_BACK; `domain` holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each
-    thread, a buffer, sums of the gradients of both points, and the rows `work` and `scratch` of an
-    energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the
-    domain, of pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies`
-    (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments`
-    (pairs, 4), S by columns.
+    numbers of their first and second points, the geometry (k, 4 or 5, BLOCK): n1, n2, 1/l, V_b and,
+    where a body has several materials or ranks, the part of V_b whose energy counts here, and the
+    row of every block in the geometry. `energy_density` and `exact` are the addresses of functions
+    compiled for blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`.
+    `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
+    `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of
+    both points, and the rows `work` and `scratch` of an energy function. The results are: `counts`
+    (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det F_ij <= COLLAPSED, and
+    of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces`
+    (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
-    ends, geometry = pairs
+    ends, geometry, rows = pairs
     buffers, sums, work, scratch = memory
     counts, energies, forces, moments = results
     widest_vectors()
@@ -156,9 +156,9 @@ def pair_energies(
     count = 0
     small = 0
     bad = 0
-    for block in share_of(geometry.shape[0], chunk):
+    for block in share_of(rows.shape[0], chunk):
         at = block * BLOCK
-        reference = block_rows(geometry[block])
+        reference = block_rows(geometry[rows[block]])
         for k in range(0, BLOCK, 4):
             plane.gather_pairs(gradients, positions, ends, at + k, means, bond, k)
         few = zero

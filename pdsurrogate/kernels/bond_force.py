@@ -169,14 +169,15 @@ def pair_forces(
 
     `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio
     in the plane and squared thickness stretch. `pairs` are the numbers of the first and second
-    points, and the geometry (n_blocks, 4 to 6, BLOCK) from `reference_state.pair_rows`, with
-    `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds,
-    a model's and the exact one, and `constants` the sizes, weights, response and parameters that
-    both take. `guard` is UNGUARDED, TURNED or FALL_BACK. `domain` (2, 7) holds the limits of the
-    domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each thread, a
-    buffer and the rows `work` in the model's precision, and the rows `scratch` in double precision.
+    points, the geometry (k, 4 to 6, BLOCK) from `reference_state.pair_rows`, with `COUNTED_ROW`,
+    and the row of every block in it. `bond_force` and `exact` are addresses of functions compiled
+    for blocks of bonds, a model's and the exact one, and `constants` the sizes, weights, response
+    and parameters that both take. `guard` is UNGUARDED, TURNED or FALL_BACK. `domain` (2, 7) holds
+    the limits of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for
+    each thread, a buffer and the rows `work` in the model's precision, and the rows `scratch` in
+    double precision.
     """
-    ends, geometry = pairs
+    ends, geometry, rows = pairs
     buffers, work, scratch = memory
     widest_vectors()
     buffer = buffers[chunk.thread]
@@ -195,9 +196,9 @@ def pair_forces(
     inner = tuple_of(domain[1], N_LIMITS)
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
-    for block in share_of(geometry.shape[0], chunk):
+    for block in share_of(rows.shape[0], chunk):
         at = block * BLOCK
-        reference = block_rows(geometry[block])
+        reference = block_rows(geometry[rows[block]])
         for k in range(0, BLOCK, 4):
             plane.gather_pairs(records, positions, ends, at + k, means, bond, k)
         for k in range(BLOCK):

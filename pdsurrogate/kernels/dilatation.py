@@ -43,13 +43,13 @@ def volume_derivatives(algebra):
         length of the undeformed bond. The other arguments are those of
         `selective_energy.pair_volumes`.
         """
-        ends, geometry = pairs
+        ends, geometry, rows = pairs
         widest_vectors()
         sums = block_rows(buffers[chunk.thread, 0:matrix])
         bonds = block_rows(buffers[chunk.thread, matrix : matrix + dimension])
-        for block in share_of(geometry.shape[0], chunk):
+        for block in share_of(rows.shape[0], chunk):
             at = block * BLOCK
-            reference = block_rows(geometry[block])
+            reference = block_rows(geometry[rows[block]])
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
             for k in range(BLOCK):
@@ -106,18 +106,18 @@ def volume_changes(algebra):
 
 
 @Pass
-def pair_pressures(chunk, pressures, first, second, shares, found):
+def pair_pressures(chunk, pressures, first, second, rows, shares, found):
     """Compute the pressure of every pair of points, the factor of the derivatives of det F_ij in
     `sum_pressures`.
 
     The pressure of a pair is the sum of the pressures of both points, each times the pair's share
-    in the volume of the point; `shares` (n_blocks, 2, BLOCK) holds these shares, and `found`
-    receives the pressures of the pairs.
+    in the volume of the point; `shares` (k, 2, BLOCK) holds these shares in the `rows` of the
+    blocks, and `found` receives the pressures of the pairs.
     """
     widest_vectors()
-    for block in share_of(shares.shape[0], chunk):
+    for block in share_of(rows.shape[0], chunk):
         at = block * BLOCK
-        share = block_rows(shares[block])
+        share = block_rows(shares[rows[block]])
         for k in range(BLOCK):
             found[at + k] = np.float32(
                 share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]

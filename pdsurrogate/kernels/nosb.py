@@ -60,19 +60,18 @@ def nosb_forces(algebra):
     """
 
     @Pass
-    def nosb_forces(chunk, stresses, pointers, neighbors, weighted_bonds, volumes, out):
+    def nosb_forces(chunk, stresses, pointers, neighbors, starts, weighted_bonds, volumes, out):
         """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i
         V_j; return how many are not finite.
 
         P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the
         weight and x the undeformed vector of a bond. `stresses` holds P K^-1 of every point,
-        `weighted_bonds` w x V_j of every directed bond.
+        `weighted_bonds` w x V_j of bonds, those of point i from ``starts[i]`` on.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
-            algebra.sum_matrix_products(
-                stresses, neighbors, weighted_bonds, (pointers[i], pointers[i + 1]), i, out
-            )
+            bonds = pointers[i], pointers[i + 1], starts[i]
+            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, bonds, i, out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

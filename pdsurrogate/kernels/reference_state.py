@@ -49,23 +49,24 @@ def shape_rows(algebra):
 
     @Pass
     def shape_rows(
-        chunk, rows, pointers, neighbors, points, weighted_bonds, inverse_shape, supported
+        chunk, rows, pointers, vectors, starts, weighted_bonds, inverse_shape, supported
     ):
         """Compute the inverse shape tensors of the points `rows`; zero, with ``supported`` 0, where
         the bonds do not span all dimensions.
 
-        `weighted_bonds` is w x V_j of every directed bond (weight, undeformed vector, volume of the
-        second end), zero where it is broken. The shape tensor is summed from these values as
-        rounded, so that also in single precision F of a homogeneous deformation is exact to some
-        1e-9.
+        `pointers` bound the undeformed `vectors` of the bonds of each of these points.
+        `weighted_bonds` is w x V_j (weight, undeformed vector, volume of the second end), zero
+        where the bond is broken; the bonds of each of `rows` begin at its place in `starts`. The
+        shape tensor is summed from these values as rounded, so that also in single precision F of a
+        homogeneous deformation is exact to some 1e-9.
         """
         for r in share_of(rows.shape[0], chunk):
             i = rows[r]
-            own = algebra.vector_at(points, i)
             K = algebra.no_symmetric()
-            for b in range(pointers[i], pointers[i + 1]):
-                x = algebra.minus(algebra.vector_at(points, neighbors[b]), own)
-                K = algebra.add_symmetric_product(K, 1.0, algebra.vector_at(weighted_bonds, b), x)
+            for b in range(pointers[r], pointers[r + 1]):
+                x = algebra.vector_at(vectors, b)
+                weighted = algebra.vector_at(weighted_bonds, b - pointers[r] + starts[r])
+                K = algebra.add_symmetric_product(K, 1.0, weighted, x)
             if algebra.shape_quality(K) > LEAST_SHAPE_QUALITY:
                 supported[i] = 1
                 algebra.put(inverse_shape, i, algebra.inverse_symmetric(K))
@@ -79,10 +80,10 @@ def shape_rows(algebra):
 @Pass
 def pair_rows(
     chunk,
-    pairs,
+    places,
     first,
     second,
-    points,
+    vectors,
     strength,
     inverse_shape,
     supported,
@@ -91,26 +92,26 @@ def pair_rows(
     horizon,
     geometry,
 ):
-    """Compute the reference vectors of the pair forces of the given `pairs`, and write them into
-    the blocks of `geometry`.
+    """Compute the reference vectors of the pair forces of given pairs, and write them into their
+    `places` in the blocks of `geometry`.
 
     The rows of a block are n1/l, n2/l, normal_factor l, tilt_factor l and, if the block has a fifth
     row, l/horizon; n and l are the direction and the length of the undeformed bond, and m is the
     direction across it. The force on the first point of a pair is R T zeta: R is the mean rotation
     of the points, T the stress of theory (11), and zeta = normal_factor n + tilt_factor m the
-    reference vector (theory (21)). With the tensor correction zeta = strength (K_i^-1 + K_j^-1)/2
-    n, where K_i is the shape tensor of point i; with the scalar correction, paper (24)-(25), zeta =
-    strength/kappa (fac_i + fac_j)/2 n, where kappa is the shape tensor's eigenvalue for a full
-    horizon and fac_i = 2 kappa/tr K_i; without a correction zeta = strength/kappa n. `strength` is
-    2 w l V_i V_j (w the weight of the bond), zero where the bond is broken.
+    reference vector (theory (21)). With the tensor correction zeta = unit (K_i^-1 + K_j^-1)/2 n,
+    where K_i is the shape tensor of point i; with the scalar correction, paper (24)-(25), zeta =
+    unit/kappa (fac_i + fac_j)/2 n, where kappa is the shape tensor's eigenvalue for a full horizon
+    and fac_i = 2 kappa/tr K_i; without a correction zeta = unit/kappa n. The unit is 2 l times the
+    `strength` w V_i V_j (w the weight of the bond), zero where the bond is broken.
     """
-    for r in share_of(pairs.shape[0], chunk):
-        b = pairs[r]
-        i = first[b]
-        j = second[b]
-        x = plane.minus(plane.vector_at(points, j), plane.vector_at(points, i))
+    for r in share_of(places.shape[0], chunk):
+        i = first[r]
+        j = second[r]
+        x = plane.vector_at(vectors, r)
         square = plane.dot(x, x)
         length = np.sqrt(square)
+        unit = 2.0 * length * strength[r]
         normal_factor = 0.0
         tilt_factor = 0.0
         if supported[i] == 1 and supported[j] == 1:
@@ -120,17 +121,17 @@ def pair_rows(
                 z = plane.times(
                     0.5, plane.symmetric_times_vector((A[0] + B[0], A[1] + B[1], A[2] + B[2]), x)
                 )
-                normal_factor = strength[b] * plane.dot(z, x) / square
-                tilt_factor = strength[b] * (z[1] * x[0] - z[0] * x[1]) / square
+                normal_factor = unit * plane.dot(z, x) / square
+                tilt_factor = unit * (z[1] * x[0] - z[0] * x[1]) / square
             elif correction == SCALAR_CORRECTION:
                 # fac = 2 kappa / tr K.
                 K = plane.inverse_symmetric(A)
                 L = plane.inverse_symmetric(B)
-                normal_factor = strength[b] * (1.0 / (K[0] + K[2]) + 1.0 / (L[0] + L[2]))
+                normal_factor = unit * (1.0 / (K[0] + K[2]) + 1.0 / (L[0] + L[2]))
             else:
-                normal_factor = strength[b] / kappa
-        block = b // BLOCK
-        lane = b - block * BLOCK
+                normal_factor = unit / kappa
+        block = places[r] // BLOCK
+        lane = places[r] - block * BLOCK
         put_column(
             geometry[block],
             lane,
@@ -145,19 +146,7 @@ def bond_shares(algebra):
     """Build the pass that divides the volume of each given point among the bonds of the point."""
 
     @Pass
-    def bond_shares(
-        chunk,
-        rows,
-        pointers,
-        neighbors,
-        pair_of,
-        points,
-        volumes,
-        strength,
-        supported,
-        horizon,
-        shares,
-    ):
+    def bond_shares(chunk, rows, pointers, vectors, volumes, strength, horizon, starts, shares):
         """Divide the volume V_i of each point of `rows` among its bonds; the shares sum to V_i, or
         to zero where no bond is left.
 
@@ -169,30 +158,22 @@ def bond_shares(algebra):
         are the weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J. Numer. Meth.
         Engng 65 (2006) 2167). Since no positive weights have a zero mean at an edge, epsilon/2
         |a|^2 is added to the function: this keeps a finite, and the mean bond vector becomes
-        epsilon a horizon. `strength` is w V_i V_j of every pair, zero for a pair that has no bond.
-        A point that is not `supported` has no gradient: its bonds carry nothing, and have no share
-        of the other end's volume.
+        epsilon a horizon. `pointers` bound the undeformed `vectors` of the bonds of each of `rows`,
+        and their `strength` w V_i V_j, zero for a bond that carries nothing. The shares of each of
+        `rows` are written from its place in `starts` on.
         """
         for r in share_of(rows.shape[0], chunk):
             i = rows[r]
-            own = algebra.vector_at(points, i)
             zero = algebra.no_vector()
             tilt = zero
             for _ in range(MOST_NEWTON_STEPS):
                 total = 0.0
                 mean = zero
                 second = algebra.no_symmetric()
-                for b in range(pointers[i], pointers[i + 1]):
-                    x = algebra.times(
-                        1.0 / horizon, algebra.minus(algebra.vector_at(points, neighbors[b]), own)
-                    )
-                    weight = (
-                        supported[i]
-                        * supported[neighbors[b]]
-                        * strength[pair_of[b]]
-                        * np.exp(-algebra.dot(tilt, x))
-                    )
-                    shares[b] = weight
+                for b in range(pointers[r], pointers[r + 1]):
+                    x = algebra.times(1.0 / horizon, algebra.vector_at(vectors, b))
+                    weight = strength[b] * np.exp(-algebra.dot(tilt, x))
+                    shares[b - pointers[r] + starts[r]] = weight
                     total += weight
                     mean = algebra.plus(mean, algebra.times(weight, x))
                     second = algebra.add_symmetric_product(second, weight, x, x)
@@ -212,7 +193,7 @@ def bond_shares(algebra):
                 # converges.
                 tilt = algebra.minus(tilt, algebra.times(min(1.0, 1.0 / size), step))
             unit = volumes[i] / total if total > 0.0 else 0.0
-            for b in range(pointers[i], pointers[i + 1]):
-                shares[b] *= unit
+            for b in range(pointers[r], pointers[r + 1]):
+                shares[b - pointers[r] + starts[r]] *= unit
 
     return bond_shares

@@ -5,6 +5,8 @@ The reference data of a pair are n, 1/l and the volume that its isochoric energy
 broken pair, or one that pads a block, has volume zero and is given the undeformed state.
 """
 
+import numpy as np
+
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
@@ -99,6 +101,12 @@ def parts_of_stress(algebra):
     return put_parts
 
 
+@inlined
+def following_row(rows, block):
+    """Return the number of pairs stored before the block after `block`, see `pair_volumes`."""
+    return np.int64(rows[min(block + 1, rows.shape[0] - 1)]) * BLOCK
+
+
 @ByDimension
 def pair_volumes(algebra):
     """Build the pass that computes det F_ij, the volume ratio, of every pair of points."""
@@ -112,22 +120,23 @@ def pair_volumes(algebra):
         """Compute det F_ij of every pair of points; return the number of pairs for which it is NaN
         or not positive.
 
-        `pairs` are the numbers of the first and second points, and the geometry (n_blocks, d + 2 or
-        d + 3, BLOCK): n, 1/l, the volume of the pair and, where a body has several materials or
-        ranks, the part of this volume counted here.
+        `pairs` are the numbers of the first and second points, the geometry (k, d + 2 or d + 3,
+        BLOCK): n, 1/l, the volume of the pair and, where a body has several materials or ranks, the
+        part of this volume counted here, and the row of every block in the geometry.
         """
-        ends, geometry = pairs
+        ends, geometry, rows = pairs
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
         bad = 0
-        for block in share_of(geometry.shape[0], chunk):
+        for block in share_of(rows.shape[0], chunk):
             at = block * BLOCK
-            reference = block_rows(geometry[block])
+            reference = block_rows(geometry[rows[block]])
+            following = following_row(rows, block)
             found = volumes[at : at + BLOCK]
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
-                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
+                fetch_geometry(geometry, (following + k) * geometry.shape[1])
                 fetch_volumes(volumes, at + k)
             for k in range(BLOCK):
                 J = algebra.determinant(of_bond(sums, bonds, reference, k))
@@ -140,19 +149,21 @@ def pair_volumes(algebra):
 
 
 @Pass
-def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means):
+def means_over_bonds(chunk, pointers, pair_of, starts, shares, values, otherwise, means):
     """Compute the mean of the `values` of every point's pairs, weighted by the shares of its bonds
     in the volume of the point.
 
-    `pair_of` is the number of the pair of every directed bond, and `shares` holds the share of
-    every directed bond. A point whose bonds have no share gets the value `otherwise`.
+    `pair_of` is the number of the pair of every directed bond, and `shares` holds the shares of the
+    bonds of point i from ``starts[i]`` on. A point whose bonds have no share gets the value
+    `otherwise`.
     """
     for i in share_of(pointers.shape[0] - 1, chunk):
         total = 0.0
         whole = 0.0
         for b in range(pointers[i], pointers[i + 1]):
-            total += shares[b] * values[pair_of[b]]
-            whole += shares[b]
+            share = shares[b - pointers[i] + starts[i]]
+            total += share * values[pair_of[b]]
+            whole += share
         means[i] = total / whole if whole > 0.0 else otherwise
 
 
@@ -238,13 +249,13 @@ def pair_energies(algebra):
         represents.
 
         The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both
-        points, each times the share of the pair in the volume of the point (`shares`, (n_blocks, 2,
-        BLOCK)). The results are: `energies`, the sums over each block of pairs; `forces`, P n/l on
-        the first point, where n and l are the direction and the length of the undeformed bond;
-        `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
-        gradient of either point.
+        points, each times the share of the pair in the volume of the point (`shares`, (k, 2,
+        BLOCK), in the rows of the geometry). The results are: `energies`, the sums over each block
+        of pairs; `forces`, P n/l on the first point, where n and l are the direction and the length
+        of the undeformed bond; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the
+        energy by the deformation gradient of either point.
         """
-        ends, geometry = pairs
+        ends, geometry, rows = pairs
         energies, forces, moments = results
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
@@ -252,10 +263,11 @@ def pair_energies(algebra):
         states = rows_from(sums, state_rows)
         result = rows_from(sums, result_rows)
         counted = geometry.shape[1] - 1
-        for block in share_of(geometry.shape[0], chunk):
+        for block in share_of(rows.shape[0], chunk):
             at = block * BLOCK
-            reference = block_rows(geometry[block])
-            share = block_rows(shares[block])
+            reference = block_rows(geometry[rows[block]])
+            share = block_rows(shares[rows[block]])
+            following = following_row(rows, block)
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
                 fetch_force(forces, (at + k) * dimension)
@@ -282,8 +294,8 @@ def pair_energies(algebra):
                 algebra.put_matrices(sums, k, moments, at + k)
                 # The next block needs these. Requests for memory are made here and above, since too
                 # many at once wait for one another.
-                fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
-                fetch_shares(shares, (at + BLOCK + k) * 2)
+                fetch_geometry(geometry, (following + k) * geometry.shape[1])
+                fetch_shares(shares, (following + k) * 2)
             energies[block] = total
 
     return pair_energies

@@ -83,6 +83,7 @@ def add_node_forces(algebra):
         stresses,
         pointers,
         neighbors,
+        starts,
         weighted_bonds,
         volumes,
         first_point,
@@ -93,17 +94,16 @@ def add_node_forces(algebra):
         return how many forces are not finite.
 
         S is the moment, K the shape tensor and V the volume of a point, w the weight and x the
-        undeformed vector of a bond; `weighted_bonds` holds w x V_j. `stresses` holds S K^-1/V from
-        `weigh_moments`. The directed bonds are those of the
-        points from `first_point` on; `out` is changed at these points only. `node_parts` is working
-        memory with the shape of `out`.
+        undeformed vector of a bond; `weighted_bonds` holds w x V_j, for the bonds of a point
+        from its place in `starts` on. `stresses` holds S K^-1/V from `weigh_moments`. The directed
+        bonds are those of the points from `first_point` on; `out` is changed at these points only.
+        `node_parts` is working memory with the shape of `out`.
         """
         without_force = 0
         for r in share_of(pointers.shape[0] - 1, chunk):
             i = first_point + r
-            algebra.sum_matrix_products(
-                stresses, neighbors, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts
-            )
+            bonds = pointers[r], pointers[r + 1], starts[r]
+            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, bonds, i, node_parts)
             force = algebra.plus(
                 algebra.vector_at(out, i),
                 algebra.times(volumes[i], algebra.vector_at(node_parts, i)),

@@ -13,6 +13,8 @@ from pdsurrogate.forces import FORCES, ForceSettings, OutsideDomain, OutsideDoma
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
+from pdsurrogate.problem import compile_scene
+from pdsurrogate.scenes import load_scene
 from pdsurrogate.solvers.equilibrium import NotConverged
 from pdsurrogate.solvers.methods import DynamicRelaxation
 from pdsurrogate.testing.bodies import wavy
@@ -219,3 +221,39 @@ def test_mirrored_pairs_of_a_body_of_more_points_than_32_bits_have_products():
     np.testing.assert_array_equal(first[mirrored], ghosts.source[ghost[outer]])
     np.testing.assert_array_equal(ghosts.source[ghost[mirrored]], first[outer])
     np.testing.assert_array_equal(ghosts.image[ghost[mirrored]], ghosts.image[ghost[outer]])
+
+
+@pytest.mark.parametrize("scene", ["hole", "plane-strain-block", "bonded-block"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        "nosb",
+        "analytic",
+        "bond-energy",
+        "neo-hookean",
+        "neo-hookean-energy",
+        "neo-hookean-isochoric",
+    ],
+)
+def test_constants_that_bonds_share_are_those_of_each_bond(scene, model):
+    """Bonds that may break have constants of their own."""
+    scene = load_scene(scene, spacing={"hole": 0.1, "bonded-block": 0.125}.get(scene, 0.05))
+    model = load_surrogate(model)
+    if scene.plane not in model.honors["plane"]:
+        return
+    body = compile_scene(scene).body
+    x = body.points + 0.1 * body.spacing * np.sin(3 * body.points[:, ::-1])
+    alone, shared = (
+        model.bind(body, LAW, ForceSettings(plane=scene.plane, breakable=breakable))
+        for breakable in (True, False)
+    )
+    counts = [len(force.terms[0].kinematics.weighted_bonds) for force in (alone, shared)]
+    assert counts[0] == len(body.bonds.neighbors) > 3 * counts[1]
+    expected, found = (np.empty_like(x) for _ in range(2))
+    for force, out in ((alone, expected), (shared, found)):
+        force(x, out)
+    rounding = 1e-13 if shared.precision == "float64" else 1e-6
+    np.testing.assert_allclose(found, expected, rtol=0, atol=rounding * np.abs(expected).max())
+    pairs = np.arange(len(body.bonds.first))
+    expected, found = (force.terms[0].pair_forces(pairs) for force in (alone, shared))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=rounding * np.abs(expected).max())
