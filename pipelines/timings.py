@@ -462,6 +462,16 @@ def of_sizes():
         yield len(body), body.bonds.n_directed, *ns, found["setup (s)"], memory
 
 
+def of_runs():
+    """Whole runs of `uniaxial` to 1.05 with the default force, on one thread."""
+    for spacing in (0.02, 0.00707, 0.00346, 0.00173):
+        words = json.dumps(["uniaxial", {"spacing": spacing, "stretches": 1.05}, None])
+        found = spent(ROOT, "-c", RUN, words, NUMBA_NUM_THREADS="1", OMP_NUM_THREADS="1")
+        points = round(1 / spacing) * round(3 / spacing)
+        seconds = found["processor time (s)"]
+        yield points, found["evaluations"], seconds, 1e6 * seconds / points, found["memory (MB)"]
+
+
 def of_space():
     """Force models of solids on one thread: exact energies of all laws, learned ones, and NOSB;
     the least of twenty turns.
@@ -742,6 +752,15 @@ TABLES = {
             of_threads,
             f"ns per directed bond with {POINTS} points",
             *(f"{others} other processes: .3g" for others in (0, 1, 2)),
+        ),
+        (
+            "runs",
+            of_runs,
+            "points: ,",
+            "evaluations: .0f",
+            "processor time (s): .1f",
+            "per point (µs): .0f",
+            "memory (MB): ,.0f",
         ),
         (
             "ranks",

@@ -252,11 +252,14 @@ class Term(ABC):
         """
         bonds = self.body.bonds
         points = self.body.all_points
-        share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
-        vectors = points[bonds.second] - points[bonds.first]
-        return np.einsum(
-            "b,bi,bj->ij", share, self.pair_forces(np.arange(len(bonds.first))), vectors
-        ) / whole_volume(self.body)
+        found = 0.0
+        for part in bonds.slabs():
+            first, second = bonds.first[part], bonds.second[part]
+            share = np.where(second < len(self.body), 1.0, 0.5) * self.body.share.own[first]
+            forces = self.pair_forces(np.arange(part.start, part.stop))
+            vectors = points[second] - points[first]
+            found += np.einsum("b,bi,bj->ij", share, forces, vectors)
+        return found / whole_volume(self.body)
 
     def energy(self) -> float:
         """Return the stored energy in the state last evaluated, NaN if it is undefined there;

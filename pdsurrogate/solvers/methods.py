@@ -181,16 +181,11 @@ class Automatic(EquilibriumSolver):
 
     In nearly incompressible bodies a little shear corrects a change of volume. Steps of the
     quasi-Newton method, whose preconditioner then contains the bulk modulus, are long compared with
-    it, and the energy, if the force has one, limits them. Bodies whose factorization would exceed
-    memory are relaxed from the outset. A faster method that has failed on a body is not tried there
-    again (see `gave_up`).
+    it, and the energy, if the force has one, limits them. A faster
+    method that has failed on a body is not tried there again (see `gave_up`).
     """
 
     name = "automatic"
-
-    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per
-    # point. A little less is allowed.
-    MOST_POINTS = 1_000_000
 
     # Bound of the evaluations of relaxation: a number for each spacing in the body's extent, and
     # the least bound.  Relaxation takes some tens for each spacing where the body is as thick as it
@@ -216,10 +211,6 @@ class Automatic(EquilibriumSolver):
             self._quick = (
                 EnergyMinimizer if force.nearly_incompressible and force.has_energy else QuasiNewton
             )(*self._settings)
-            self.gave_up |= (
-                not force.nearly_incompressible
-                and self.share.total(len(self.volumes)) > self.MOST_POINTS
-            )
         return self._quick
 
     def solve(

@@ -8,6 +8,7 @@ and affine motions of each part.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 import scipy
@@ -16,6 +17,7 @@ from ..body import Body
 from ..body.body import lengths_of, sums_at_points
 from ..kernels.nearest_bonds import add_unspanned
 from ..ranks import Share
+from .lattice_multigrid import cycles_of
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
@@ -70,10 +72,22 @@ slowest mode of a sheet a thousand points across, held all around, becomes some 
 does not harm a preconditioner.
 """
 
-MOST_FACTORIZED = {2: 300_000, 3: 5_000}
-"""Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces
-larger factors, which fill in. Chosen: entries grow as n log n in the plane, and as n^(4/3) in three
-dimensions.
+MOST_FACTORIZED = 5_000
+"""Greatest number of points for which a Laplacian is factorized; multigrid replaces larger factors,
+which fill in. Chosen: with multigrid blocks in plane strain need 143 in place of 178 evaluations
+with 10,000 points, and 246 in place of 270 with 80,000.
+"""
+
+MOST_SOLVED = {2: 20_000, 3: 5_000}
+"""Greatest number of points, by dimension, of a lattice whose springs are factorized; multigrid
+cycles replace larger factors. Chosen: in homogeneous tension cycles need up to a fifth more
+evaluations, elsewhere as many. The factor of so many points takes as long as 40 evaluations of the
+default force of a sheet, or eight of exact energies, and each solution as long as three cycles.
+"""
+
+MOST_SCATTERED = 300_000
+"""Greatest number of points on no lattice whose springs are factorized, at some 3 kB a point.
+Larger bodies have springs of equal stiffness along and across bonds, a Laplacian.
 """
 
 MOST_DENSE = 800
@@ -153,6 +167,10 @@ class NearestBonds:
     ----------
     first, second : ndarray of int, shape (k,)
         Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
+    sources : ndarray of int, shape (k,)
+        The point at the second end, or the point of which that end is an image.
+    wide : bool
+        Whether bonds up to `WIDE_REACH` have springs.
     coupled : bool
         Whether the displacements of a component cause forces on others.
     body
@@ -166,45 +184,70 @@ class NearestBonds:
         across: float,
         diagonal: bool = False,
     ) -> None:
-        bonds = body.bonds
-        points = body.all_points
         share = body.share
-        vector = points[bonds.second] - points[bonds.first]
-        length = lengths_of(vector)
-        volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        bonds = body.bonds
+        self.body = body
+        self.coupled = along != across
+        self.wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         if isinstance(shear_moduli, np.ndarray):
-            ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-            # Two springs in series, computed with inverses, since the product of two moduli may
-            # overflow.
-            shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
-        stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
-        wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
-        near = length <= (WIDE_REACH if wide else REACH) * body.spacing
-        # The point at the second end of every bond, or the point of which that end is an image.
-        sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[
-            bonds.second
-        ]
-        add_unspanned(
-            points,
-            bonds.pointers,
-            bonds.neighbors,
-            bonds.first,
-            bonds.second,
-            sources,
-            TOUCHING,
-            near,
+            shear_moduli = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
+        owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
+        moments = np.zeros(2)  # of all bonds and of the nearest ones
+        kept = []
+        for slab in bonds.slabs():
+            first, second = bonds.first[slab], bonds.second[slab]
+            vector = body.all_points[second] - body.all_points[first]
+            length = lengths_of(vector)
+            near = length <= (WIDE_REACH if self.wide else REACH) * body.spacing
+            add_unspanned(
+                body.all_points,
+                bonds.pointers,
+                bonds.neighbors,
+                first,
+                second,
+                owners[second],
+                TOUCHING,
+                near,
+            )
+            modulus = shear_moduli
+            if isinstance(modulus, np.ndarray):
+                # Two springs in series, computed with inverses, since the product of two moduli
+                # may overflow.
+                modulus = 2 / (1 / modulus[first] + 1 / modulus[second])
+            volumes = body.all_volumes[first] * body.all_volumes[second]
+            stiffness = modulus * body.weigh(length) * volumes / body.kappa
+            moment = stiffness * length**2 * share.own[first]
+            moments += moment.sum(), moment[near].sum()
+            ends = first[near].astype(np.int64), second[near].astype(np.int64)
+            kept.append((*ends, stiffness[near], vector[near] / length[near, None]))
+        self.first, self.second, stiffness, self._along = map(
+            np.concatenate, zip(*kept, strict=True)
         )
-        moment = stiffness * length**2
-        of_all = moment * share.own[bonds.first]
-        stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
+        of_all, of_near = share.total(moments)
+        stiffness *= of_all / of_near
         self._across = across * stiffness
         self._excess = (along - across) * stiffness
-        self._along = vector[near] / length[near, None]
-        self.coupled = along != across
-        self.first = bonds.first[near].astype(np.int64)
-        self.second = bonds.second[near].astype(np.int64)
-        self.body = body
-        self._sources = sources[near]
+        self.sources = owners[self.second]
+
+    def on_axes(self) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+        """Return `first`, `second` and `sources`, the stiffnesses (k, d) of the springs against
+        displacements along the axes, and the signs (k, d) with which second ends follow `sources`.
+        """
+        stiffness = self._across[:, None] + self._excess[:, None] * self._along**2
+        return (self.first, self.second, self.sources), stiffness, self._parity()
+
+    @property
+    def oblique(self) -> np.ndarray:
+        """Flags (k,) of the springs that couple components, as beside curved boundaries."""
+        return self.coupled & (np.abs(self._along).max(axis=1) < 1 - TOUCHING)
+
+    def beside(self, points: np.ndarray) -> NearestBonds:
+        """Return the network of the springs with an end at one of the `points`, flags (n,)."""
+        found = copy(self)
+        near = points[self.first] | points[self.sources]
+        for name in ("first", "second", "sources", "_across", "_excess", "_along"):
+            setattr(found, name, getattr(self, name)[near])
+        return found
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the restoring forces (n, d) of the springs on the points, minus stiffness times
@@ -236,7 +279,7 @@ class NearestBonds:
             :, None, None
         ] * np.eye(d)
         if rigid is not None:
-            blocks *= ~(rigid[self.first] & rigid[self._sources])[:, None, None]
+            blocks *= ~(rigid[self.first] & rigid[self.sources])[:, None, None]
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
         rows = d * rows[:, None, None] + np.arange(d)[:, None]
         columns = d * columns[:, None, None] + np.arange(d)
@@ -296,7 +339,7 @@ class NearestBonds:
         second = self.second[within]
         ends = self.first[within]
         rows = np.concatenate([first, first, second, second])
-        columns = np.concatenate([first, self._sources, second, ends])
+        columns = np.concatenate([first, self.sources, second, ends])
         return (
             rows,
             columns,
@@ -308,7 +351,10 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs of a body, along bonds and across them, that approximates
     its small-strain stiffness.
     """
-    return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
+    along, across = ELONGATION, SHEAR_SHARE * ELONGATION
+    if body.share.size > MOST_SCATTERED and (body.relaxed or body.mesh_cells is not None):
+        along = across = (along + across) / 2
+    return NearestBonds(body, shear_moduli, along, across)
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
@@ -407,6 +453,11 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     body = network.body
     inverses = []
     balanced = drift_remover(body, free)
+    if network.coupled and not network.wide and len(body) > MOST_SOLVED[body.dimension]:
+        cycles = cycles_of(body, *network.on_axes(), free, SHIFT)
+        if cycles:
+            corrected = _corrected(network, free, cycles)
+            return lambda forces: balanced(corrected(forces * free)) * free
     for components, matrix in network.systems(free):
         count = matrix.shape[0]
         column = free[:, components].reshape(count, -1)[:, 0]
@@ -418,6 +469,32 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
     return lambda forces: balanced(by_systems(inverses, forces * free)) * free
+
+
+def _corrected(network: NearestBonds, free: np.ndarray, inverse: Operator) -> Operator:
+    """Return an approximate inverse that follows and is followed by exact solutions for the points
+    at bonds that couple components, and their neighbors: a multiplicative Schwarz method.
+    """
+    zone = np.zeros(len(network.body), dtype=bool)
+    ends = np.stack([network.first, network.sources])
+    zone[ends[:, network.oblique]] = True
+    if not zone.any():
+        return inverse
+    zone[ends[:, zone[ends].any(axis=0)]] = True
+    numbers = np.flatnonzero(np.repeat(zone[:, None], free.shape[1], axis=1) * free)
+    rows = network.beside(zone).matrix()[numbers]
+    factor = factor_of(
+        rows[:, numbers] + SHIFT * scipy.sparse.diags_array(rows[:, numbers].diagonal())
+    )
+
+    def solve(forces: np.ndarray) -> np.ndarray:
+        first = factor.solve(forces.ravel()[numbers])
+        found = inverse(forces - (rows.T @ first).reshape(forces.shape) * free)
+        found.ravel()[numbers] += first
+        found.ravel()[numbers] += factor.solve(forces.ravel()[numbers] - rows @ found.ravel())
+        return found
+
+    return solve
 
 
 def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
@@ -526,7 +603,7 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
         1 where a component may move, 0 where it is held and on the halo.
     """
     body = network.body
-    if not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]:
+    if not network.coupled and body.share.size > MOST_FACTORIZED:
         return _inverse_by_multigrid(network, free)
     return (_inverse_in_parts if body.share.divided else _inverse_here)(network, free)
 
@@ -539,7 +616,7 @@ def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Op
     """
     inverse = inverse_of(network, free)
     share = network.body.share
-    if network.coupled and not share.divided:
+    if network.coupled and not share.divided and share.size <= MOST_SOLVED[network.body.dimension]:
         return inverse
 
     def solve(forces: np.ndarray) -> np.ndarray:

@@ -129,7 +129,11 @@ def preconditioner_of(
         )
         found = _touching(force, obstacles, inner)
     else:
-        found = Preconditioner(spring_solver_of(network, free, SOLVED))
+        found = Preconditioner(
+            spring_solver_of(network, free, SOLVED)
+            if body.share.divided
+            else inverse_of(network, free)
+        )
     if force.nearly_incompressible:
         found = incompressible_inverse(force, found)
     return supported(found, supports, body.share) if supports and not obstacles else found
