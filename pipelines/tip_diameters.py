@@ -259,11 +259,7 @@ def torn(case):
     rows = result.history
     load = pulls(case, [(row["force_high_1"], row["force_high_2"]) for row in rows])
     peak = rows[int(load.argmax())]
-    travel = (
-        peak["displacement_high_2"]
-        if case["plane"] == "strain" and not case.get("angle")
-        else peak["t"]
-    )
+    travel = peak["t"]
     if load.argmax() == len(load) - 1:
         raise ValueError("the load rises until the end of the pull: it has no peak")
     figures = {"critical_stretch": critical, "travel": travel, "peak": float(load.max())}
