@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -44,11 +44,8 @@ from pathlib import Path
 import numpy as np
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
-try:
-    from pdsurrogate.reports.speed import bench_positions  # of commits that had it in the package
-except ImportError:
-    sys.path.insert(0, "pipelines")
-    from clock import bench_positions
+sys.path.insert(0, "pipelines")
+from clock import bench_positions
 def lattice(sides, d):
     places = np.meshgrid(*[(np.arange(sides) + 0.5) / sides] * d, indexing="ij")
     return np.stack(places, axis=-1).reshape(-1, d)
@@ -546,6 +543,67 @@ def of_memory():
         )
 
 
+def of_steps():
+    """Steps of dynamics of a sheet with a hole and a cut, in plane strain and `bond-energy`, and
+    evaluations of their force, in turns on one thread; medians of processor time.
+    """
+    from pdsurrogate.engine.threads import thread_count
+    from pdsurrogate.problem.materials import checked_models
+    from pdsurrogate.run.interruption import Interrupted
+    from pdsurrogate.run.run import Run
+    from pdsurrogate.run.stages import ready
+    from pdsurrogate.run.transient import Transient
+
+    low, high = {"x1": 0.0, "x2": 0.0}, {"x1": 0.0, "x2": 0.003}
+    regions = {"low": {"box": [[0, 0], [2, 0.08]]}, "high": {"box": [[0, 0.92], [2, 1]]}}
+    supports = {
+        "points": {"low": low, "high": high},
+        "planes of symmetry": {"left": {"x1": 0.0}, "bottom": {"x2": 0.0}, "top": {"x2": 0.003}},
+        "grips": {"bottom": low, "top": high},
+    }
+
+    class Until:
+        """The interruption of a run after so many steps."""
+
+        asked = property(lambda self: stage.integrator.steps >= self.last)
+
+    for spacing, steps in ((0.0512, 200), (0.0155, 40), (0.0049, 20)):
+        for name, held in supports.items():
+            scene = pds.Scene(
+                name="steps",
+                spacing=spacing,
+                plane="strain",
+                body={"size": [2.0, 1.0]},
+                holes=[{"shape": "circle", "center": [1.4, 0.5], "radius": 0.15}],
+                precuts=[{"start": [-0.1, 0.5], "end": [0.4, 0.5]}],
+                material={"law": "neo-hookean", "bulk_modulus": 50.0},
+                fracture={"critical_stretch": 8.0},
+                regions=regions,
+                prescribed=[{"region": region, **values} for region, values in held.items()],
+                steps=[{"to": 100.0, "dynamics": {"duration": 2000.0, "density": 1.0}}],
+            )
+            run = Run(scene, checked_models(scene, pds.load_surrogate("bond-energy")), threads=1)
+            stage = Transient(run, run.stages[0], ready(run, False)[1])
+            run.interruption = Until()
+            found, out = [], np.empty_like(run.positions)
+            with thread_count(1):
+                stage.begin()
+                for _ in range(10):
+                    run.interruption.last = stage.integrator.steps + steps
+                    began, before = time.process_time(), run.force.evaluations
+                    with suppress(Interrupted):
+                        stage.go()
+                    took = (time.process_time() - began) / steps
+                    count = (run.force.evaluations - before) / steps
+                    began = time.process_time()
+                    for _ in range(steps // 4):
+                        run.force(run.positions, out)
+                    found.append((took, (time.process_time() - began) / (steps // 4), count))
+            step, force, _ = np.median(found[1:], axis=0)
+            evaluations = np.mean(found[1:], axis=0)[2]
+            yield name, len(run.body), 1e6 * force, 1e6 * step, step / force, evaluations
+
+
 WAITING = {
     "two threads, default of GNU OpenMP": (2, {"GOMP_SPINCOUNT": "300000"}),
     "two threads, 1,000 loops (pdsurrogate)": (2, {"GOMP_SPINCOUNT": "1000"}),
@@ -746,6 +804,16 @@ TABLES = {
             "DOLFINx (s): .1f",
             "C compiler (s): .1f",
             "memory (MB): .0f",
+        ),
+        (
+            "steps",
+            of_steps,
+            "held",
+            "points: ,",
+            "force (µs): ,.0f",
+            "step (µs): ,.0f",
+            "step / force: .2f",
+            "evaluations per step: .2f",
         ),
         (
             "threads",
