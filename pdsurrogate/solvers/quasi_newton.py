@@ -92,7 +92,9 @@ class QuasiNewton(EquilibriumSolver):
             elif curvature > 1e-10 * np.sqrt(
                 self.share.dot(step, step) * self.share.dot(change, change)
             ):
-                history.append((step, change, 1 / curvature))
+                # Pairs need no more digits than the forces, and are most of a solver's memory.
+                pair = (values.astype(force.precision, copy=False) for values in (step, change))
+                history.append((*pair, 1 / curvature))
             forces = following
             report(evaluations, residual)
             residuals.append(residual)
