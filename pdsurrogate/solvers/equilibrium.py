@@ -59,6 +59,9 @@ SINGLE = 1e-7
 In the undeformed body their rounding error is some 1e-8.
 """
 
+SINGLE_ENDS = "the forces that drive the body are too small for single precision"
+"""Message of `TooSmall` for forces in single precision."""
+
 ROUNDED = 100
 """Greatest residual that may be due to rounding of the positions, divided by the stress that this
 rounding causes in a bond. Below it a search continues only while the residual forces fall by a
@@ -371,7 +374,7 @@ class EquilibriumSolver(ABC):
         if residual * most < SINGLE * left and force.precision == "float32":
             if loading == 0 and is_rigid(force):
                 return residual, True
-            raise TooSmall("the forces that drive the body are too small for single precision")
+            raise TooSmall(SINGLE_ENDS)
         if residual > self._rounding:
             return residual, False
         self._idle = 0 if left < 2 / 3 * self.least_left else self._idle + 1
@@ -410,10 +413,13 @@ class EquilibriumSolver(ABC):
 
     def not_converged(
         self, force: InternalForce, residual: float, evaluations: int, tolerance: float
-    ) -> NotConverged:
+    ) -> NotConverged | TooSmall:
         """Return the error to raise for a residual, or a sum of residual forces, that is still
-        too large.
+        too large; `TooSmall` for a sum in single precision, whose rounding errors add up in large
+        bodies.
         """
+        if residual <= tolerance and force.precision == "float32":
+            return TooSmall(SINGLE_ENDS)
         reached = (
             f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force"
             f" evaluations; asked for {tolerance:.2g}"

@@ -20,7 +20,6 @@ from .equilibrium import (
     Equilibrium,
     EquilibriumSolver,
     NotConverged,
-    TooSmall,
     check_growth,
     falls,
     no_report,
@@ -98,10 +97,6 @@ class SteppingSolver(EquilibriumSolver):
             if settled:
                 return Equilibrium(residual, evaluations, self.name, self._drive)
             if force.precision == "float32" and evaluations - found >= self.PATIENCE:
-                if residual <= tolerance:
-                    raise TooSmall(
-                        "the forces that drive the body are too small for single precision"
-                    )
                 raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations % 10 == 0:
                 course.append((evaluations, residual))

@@ -12,6 +12,8 @@ from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
+from pdsurrogate.solvers.equilibrium import NotConverged, TooSmall
+from pdsurrogate.solvers.quasi_newton import QuasiNewton
 
 # A level may leave forces of 5e-4 of what drives the body; what is asked for is a tenth of a
 # percent.
@@ -356,3 +358,13 @@ def test_what_fails_gives_up_before_a_hundred_times_a_good_run():
     with pytest.raises(pds.SimulationFailed) as caught:
         simulate(pds.load_scene("bonded-block", spacing=0.25), "nosb")
     assert caught.value.result.summary["n_force_evaluations"] < 8_000
+
+
+@pytest.mark.parametrize(("precision", "error"), [("float32", TooSmall), ("float64", NotConverged)])
+def test_sums_that_single_precision_does_not_resolve_are_left_to_double(precision, error):
+    """Rounding errors of the points add up in large bodies, when residuals are already small."""
+    body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
+    settings = pds.ForceSettings(plane="stress", precision=precision)
+    force = pds.load_surrogate("neo-hookean").bind(body, pds.materials.NeoHookean(), settings)
+    solver = QuasiNewton(np.ones_like(body.points), body.volumes)
+    assert isinstance(solver.not_converged(force, 5e-7, 300, 1e-6), error)
