@@ -1,5 +1,6 @@
 """Fracture: the bond stretch at which bonds break, from a fracture energy."""
 
+import logging
 import warnings
 from collections.abc import Callable
 
@@ -10,9 +11,11 @@ from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.tearing import check_positive, stretch_at
 from ..scenes import Mesh, Scene
-from ..scenes.loading_checks import criteria_give, names_of_materials
+from ..scenes.loading_checks import criteria_give, names_of_materials, tears_slowly
 from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
+
+logger = logging.getLogger(__name__)
 
 LEAST_LAYERS = 4
 ONE_LAYER = 2.0
@@ -257,6 +260,18 @@ class CriticalStretches:
             " be sure, set critical_stretch"
         )
         self._say(remark)
+
+    def say_process(self, process: str, why: str) -> None:
+        """Note in log and summary how bonds break, and why; remark it where dynamics that a scene
+        states are left out.
+        """
+        self.summary["process"] = {"name": process, "reason": why}
+        logger.info("scene %s: bonds break by process %s, %s", self._scene.name, process, why)
+        if process == "quasi-static" and not tears_slowly(self._scene):
+            self._say(
+                f"fracture.process: {process}, {why}, so that density, damping and viscosity have"
+                ' no effect; set process = "dynamics" for inertia'
+            )
 
     def _say(self, remark: str) -> None:
         """Warn, and keep the text for the summary."""

@@ -60,10 +60,11 @@ from .program import (
     measures_of,
     parameter_of,
     prescriptions_of,
+    slow_stages,
     stages_of,
 )
 from .regions import BodyRegions
-from .time_steps import check_dynamics
+from .time_steps import check_dynamics, process_of
 
 if TYPE_CHECKING:
     from .strength import Strengths
@@ -414,6 +415,9 @@ def _on_body(
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             softest = min(law.shear_modulus for law in laws)
+            process = process_of(scene, loading, stages, softest)
+            if scene.fracture and process[0] == "quasi-static":
+                stages = slow_stages(scene, stages)
             check_dynamics(scene, loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
@@ -421,6 +425,7 @@ def _on_body(
         if scene.fracture and portions:
             check_walls(scene, whole)
             critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points)
+            critical.say_process(*process)
             if criteria_give(scene, "strength"):
                 from .strength import Strengths
 

@@ -80,8 +80,11 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
     If the body tears slowly, all of them are in equilibrium.
     """
     stages = _stages_of(scene)
-    if not tears_slowly(scene):
-        return stages
+    return slow_stages(scene, stages) if tears_slowly(scene) else stages
+
+
+def slow_stages(scene: Scene, stages: tuple[Stage, ...]) -> tuple[Stage, ...]:
+    """Return the stages of a body that tears slowly, all of them in equilibrium."""
     begins = (parameter_of(scene)[1], *known_ends(stages))
     return tuple(
         replace(

@@ -1,6 +1,9 @@
-"""Checks of what dynamics would take, before a run begins."""
+"""What dynamics would take, before a run begins: checks, and whether a tear is so slow that it is
+one in equilibrium.
+"""
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +18,50 @@ MOST_STEPS = 1e9
 indicate wrong units of density or rate.
 """
 
+SLOW = 1e-3
+"""Speed of held parts, divided by that of shear waves, below which bonds break in equilibrium
+unless the scene says otherwise. Chosen: a quarter of the speed at which the peaks of dynamics are
+those of equilibrium, and half of that at which 8,000 points take as long in both
+(docs/validation/slow-tears.md); laboratories tear at 1e-7 to 1e-5.
+"""
+
+
+def process_of(
+    scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float
+) -> tuple[str, str]:
+    """Return the process by which bonds of a scene with fracture break, "dynamics" or
+    "quasi-static", and the reason; `stages` are those that the scene states, and `modulus` is the
+    least shear modulus.
+    """
+    given = scene.fracture.process if scene.fracture else None
+    if given is not None:
+        return given, "as the scene says"
+    moving = list(_in_dynamics(loading, stages))
+    if not moving:
+        return "quasi-static", "since the scene has no dynamics"
+    if scene.loads or scene.obstacles:
+        return "dynamics", "since loads or obstacles drive the body"
+    if not scene.stretched and len(moving) == len(stages):
+        return "dynamics", "since no step is in equilibrium"  # in which the body may drift
+    speed = max(
+        _greatest_speed(loading, motion) / wave_of(stage, modulus) for stage, motion in moving
+    )
+    if speed == 0:
+        return "dynamics", "since no held part moves"
+    why = f"since held parts move at {speed:.2g} times the speed of shear waves"
+    return ("quasi-static", f"{why}, less than {SLOW:g}") if speed < SLOW else ("dynamics", why)
+
+
+def wave_of(stage: Stage, modulus: float) -> float:
+    """Return the speed of shear waves in a stage in dynamics."""
+    return math.sqrt(modulus / stage.inertia.density)
+
+
+def _in_dynamics(loading: Loading, stages: tuple[Stage, ...]) -> Iterator[tuple[Stage, Motion]]:
+    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
+        if stage.inertia is not None:
+            yield stage, stage.motion(begin)
+
 
 def check_dynamics(
     scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float
@@ -28,11 +75,8 @@ def check_dynamics(
     """
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
-    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        if stage.inertia is None:
-            continue
-        motion = stage.motion(begin)
-        wave = math.sqrt(modulus / stage.inertia.density)
+    for stage, motion in _in_dynamics(loading, stages):
+        wave = wave_of(stage, modulus)
         speed = _greatest_speed(loading, motion)
         if speed > wave:
             if stage.inertia.pace == "stretch_rate":

@@ -41,6 +41,9 @@ class Totals:
         Whether bonds may be overloaded in the last equilibrium, of an avalanche.
     stored : float
         Stored energy where the last avalanche began.
+    unsure : float
+        Load of a bond, minus 1, above which the bond breaks next, where an avalanche did not wait
+        for equilibrium.
     """
 
     work: float = 0.0
@@ -58,6 +61,7 @@ class Totals:
     events: int = 0
     breaking: bool = False
     stored: float = 0.0
+    unsure: float = 0.0
 
 
 @dataclass
@@ -155,14 +159,17 @@ class TearAccount:
         totals.load = load
         self._close()
 
-    def energy_left(self) -> float:
+    def energy_left(self, known: bool) -> float:
         """Return the energy that is left after bonds broke, at constant positions: that of which
         the forces are the derivative, since what softening takes of it there is not accepted. NaN
-        where it is undefined.
+        where it is undefined. `known` says whether these positions have forces.
         """
         run = self._run
-        run.force.pass_bonds(np.zeros_like(run.positions))
-        return run.body.share.total(run.force.energy()) if run.force.has_energy else np.nan
+        if not run.force.has_energy:
+            return np.nan
+        if not known:
+            run.force.pass_bonds(np.zeros_like(run.positions))
+        return run.body.share.total(run.force.energy())
 
     def fall(self, left: float | None) -> None:
         """Count the energy of bonds that have just broken, which leave `left` (None if none has),
@@ -172,9 +179,9 @@ class TearAccount:
         """
         totals = self.totals
         old = self._known
-        new = self._known = self._present(breaking=left is not None)
+        new = self._known = self._present(breaking=True)
         work = sum(self._work_of_loads(one, old, new) for one in (old, new)) / 2
-        if left is None or not np.isfinite(left):
+        if not np.isfinite(left):
             left = old.energy
         totals.work += work
         totals.released_energy += old.energy - left
@@ -182,6 +189,11 @@ class TearAccount:
         totals.last = 0.0
         totals.corrected = True
         self._close()
+
+    def settle(self) -> None:
+        """Find the reactions in the present equilibrium, in which no bond breaks."""
+        run = self._run
+        self._known.reactions = support_reactions(run.loading, run.loaded)
 
     def _work_with(self, one: Known, old: Known, new: Known) -> float:
         """Return the work on the way between two equilibria of the supports and loads of `one` of

@@ -388,7 +388,8 @@ class Fracture(Criterion):
         How the body tears: ``"dynamics"`` with inertia, from the last equilibrium on;
         ``"quasi-static"`` in equilibrium throughout, in which the settings of dynamics only say how
         far, with how many outputs, and in which time the loading goes. By default in dynamics if
-        the scene has any.
+        the scene has any, and its held parts move at a thousandth of the speed of shear waves or
+        faster, or loads or obstacles drive the body.
     """
 
     interfaces: tuple[InterfaceFracture, ...] = ()

@@ -5,6 +5,7 @@ and what is refused.
 import dataclasses
 import itertools
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from stopping import Killed, while_bonds_break
 import pdsurrogate as pds
 from pdsurrogate.cli.simulation import print_result
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem.program import stages_of
+from pdsurrogate.problem import compile_scene
+from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.run import checkpoints, tearing
 from pdsurrogate.run.damage import Damage
 
@@ -262,19 +264,57 @@ def test_the_first_bond_breaks_at_its_limit_however_far_the_loading_goes(stretch
     assert found == pytest.approx(critical, rel=2 * tearing.OVERLOAD)
 
 
-def test_settings_of_dynamics_say_how_far_a_slow_tear_goes():
-    moving = {"stretch": 1.5, "stretch_rate": 0.1, "density": 1.0, "outputs": 3}
-    scene = strip(stretches=[1.3], dynamics=moving)
-    assert [stage.tears for stage in stages_of(scene)] == [False, False]
-    slow = strip(
-        stretches=[1.3], dynamics=moving, fracture={"energy": 1.0, "process": "quasi-static"}
+def test_avalanches_that_wait_for_no_equilibrium_break_the_same_bonds(monkeypatch):
+    def broken_and_evaluations():
+        result = pds.simulate(short(), "bond-energy", threads=1)
+        return result.field("damage"), result.summary["n_force_evaluations"]
+
+    damage, evaluations = broken_and_evaluations()
+    monkeypatch.setattr(tearing, "ROUGH", 0.0)
+    waiting, more = broken_and_evaluations()
+    np.testing.assert_array_equal(damage, waiting)
+    assert evaluations < more
+
+
+@pytest.mark.parametrize(
+    ("rate", "changes", "process", "reason"),
+    [
+        (0.0011, {}, "dynamics", "0.0011 times the speed of shear waves"),
+        (0.0009, {}, "quasi-static", "0.0009 times the speed of shear waves, less than 0.001"),
+        (0.0009, {"process": "dynamics"}, "dynamics", "as the scene says"),
+        (0.1, {"process": "quasi-static"}, "quasi-static", "as the scene says"),
+    ],
+)
+def test_a_tear_is_one_in_equilibrium_where_grips_move_slowly_against_waves(
+    rate, changes, process, reason
+):
+    """The wave speed is 1, and so is the distance of the grips. Settings of dynamics say how far a
+    slow tear goes.
+    """
+    scene = strip(
+        dynamics={"stretch": 1.7, "stretch_rate": rate, "density": 1.0, "outputs": 3},
+        fracture={"critical_stretch": 2.0, **changes},
     )
-    before, tearing_stage = stages_of(slow)
-    assert before.tears
-    assert tearing_stage.tears
-    assert tearing_stage.inertia is None
-    assert tearing_stage.duration == pytest.approx(2.0)
-    assert (tearing_stage.to, tearing_stage.outputs) == (1.5, 3)
+    slow = process == "quasi-static"
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        problem = compile_scene(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    *_, last = problem.stages
+    assert (last.inertia is None) == last.tears == slow
+    assert (last.to, last.outputs) == (1.7, 3)
+    assert not slow or last.duration == pytest.approx(0.1 / rate)
+    assert reason in problem.critical_stretches.summary["process"]["reason"]
+    left_out = any("viscosity have no effect" in str(one.message) for one in found)
+    assert left_out == (slow and not changes)
+
+
+def test_a_crack_that_runs_in_a_held_body_keeps_its_inertia():
+    held = [{"region": side, "x1": 0.0, "x2": 0.0} for side in ("up", "down")]
+    moving = {"duration": 1.0, "density": 1.0}
+    scene = cantilever(prescribed=held, steps=[{"to": 0.5}, {"to": 1.0, "dynamics": moving}])
+    problem = compile_scene(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
+    assert problem.critical_stretches.summary["process"]["reason"] == "since no held part moves"
+    assert problem.stages[-1].inertia is not None
 
 
 def test_what_does_not_fit_is_refused():
