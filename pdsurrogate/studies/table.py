@@ -43,7 +43,7 @@ KEYS_OF_RUNS, KEYS_OF_LEVELS, KEYS_OF_CRACKS, KEYS_OF_FITS = (
         seconds_compile ns_per_directed_bond fallback_fraction status beyond_data held_at_points
         fraction_outside_domain unsupported_points units grip_areas levels digests scene_as_run
         provenance peak_nominal_stress n_steps dynamics quasi_static critical_stretch
-        fracture_remarks interfaces strength crack
+        process fracture_remarks interfaces strength crack
         """,
         """
         stretch t step time forces moments displacements energy kinetic_energy dissipated_energy
