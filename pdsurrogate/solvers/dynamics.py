@@ -153,7 +153,7 @@ class ExplicitDynamics:
         self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
         self._steps = np.zeros(2)
-        self._sums = np.zeros((-(-len(positions) // BLOCK), len(Balance._fields)))
+        self._sums = np.zeros((-(-len(positions) // BLOCK), len(Balance.__annotations__)))
         moved = velocities, velocities, self.forces, self.forces, free, mass
         self._find_energies = energies_of_step.bind(
             *moved,
