@@ -9,7 +9,6 @@ core of 2 GHz all take some two hours, half an hour of it the finite elements.
 """
 
 from functools import partial
-from unittest.mock import patch
 
 import numpy as np
 import strength_elements as elements
@@ -28,11 +27,12 @@ from cases import (
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem.tip_factor import factor_of
 
 BULK, BREAK = elements.BULK, 4.0
 LAW = pds.materials.NeoHookean(1.0, BULK)
 WORK = homogeneous.uniaxial(LAW, BREAK).energy_density
-RADIUS = 0.287
+RADIUS = factor_of(LAW, BREAK, "stress") / np.pi
 """Radius of the discs."""
 
 UNCUT = [
@@ -40,13 +40,16 @@ UNCUT = [
     ("bond-energy", "lattice", 2.2, 0.09),
     ("bond-energy", "lattice", 2.2, 0.045),
     ("bond-energy", "lattice", 3.0, 0.09),
+    ("bond-energy", "relaxed", 2.2, 0.18),
     ("bond-energy", "relaxed", 2.2, 0.09),
+    ("bond-energy", "relaxed", 2.2, 0.045),
     ("neo-hookean", "lattice", 2.2, 0.09),
+    ("analytic", "lattice", 2.2, 0.09),
 ]
 """Force, arrangement of the points, horizon in spacings, and spacing of sheets without a cut."""
 
 CUTS = {
-    0.05: ((1.2, 1.2), 3.9, (1, 2)),
+    0.05: ((1.2, 1.2), 3.9, (1, 2, 4)),
     0.1: ((1.6, 1.6), 3.8, (1, 2, 4)),
     0.2: ((2.4, 2.4), 3.5, (1, 2, 4)),
     0.5: ((5.0, 5.0), 2.7, (3, 5, 10)),
@@ -165,21 +168,62 @@ def references(kind, length):
     yield kind, length, *elements.onset(body, tip, levels, WORK, RADIUS, inside, cut)
 
 
-def factor(bulk):
-    """Factor c of discs by a long cut in a strip of a height of 8, at Griffith's load."""
-    law = pds.materials.NeoHookean(1.0, bulk)
-    work = homogeneous.uniaxial(law, BREAK).energy_density
-    known = np.linspace(1.7, 2.1, 401)
-    works = [homogeneous.uniaxial(law, one).energy_density for one in known]
-    with patch.object(elements, "BULK", bulk):
-        body = elements.Sheet(elements.cut(20.0, (44.0, 8.0), 0.05))
-        ((x, _, _),) = elements.pulled(body, 20.0, [float(np.interp(work / 8, works, known))])
-        W = body.stretched(x)[2][0] / work
-    means = [
-        next(body.means(W, [20.0], one, lambda at: at[:, 0] > 0)) for one in (RADIUS, 0.305, 0.32)
-    ]
-    radius = float(np.interp(-1.0, np.negative(means), (RADIUS, 0.305, 0.32)))
-    yield bulk, means[0], np.pi * radius
+FACTORS = [
+    ("stress", "neo-hookean", 1e5),
+    ("stress", "neo-hookean", 20.0),
+    ("stress", "yeoh", 2000.0),
+    ("strain", "neo-hookean", 20.0),
+    ("strain", "yeoh", 20.0),
+]
+"""Plane, law and bulk modulus over the shear modulus of factors."""
+BREAKS = (1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0)
+
+
+def law_of(name, bulk):
+    """A law with a shear modulus of 1."""
+    return pds.materials.LAWS[name](shear_modulus=1.0, bulk_modulus=bulk)
+
+
+def factors(plane, name, bulk):
+    """Factors c of a law by stretch at break, from finite elements."""
+    law = law_of(name, bulk)
+    works = np.array([homogeneous.uniaxial(law, one).energy_density for one in BREAKS])
+    yield plane, name, bulk, *elements.Tip(bulk, name, plane).factors(works)
+
+
+def with_differences(figures):
+    """Rows of factors with the greatest difference of those of the package."""
+    for plane, name, bulk, *found in rows_of(figures):
+        own = [factor_of(law_of(name, bulk), one, plane) for one in BREAKS]
+        yield plane, name, bulk, *found, max(map(percent, own, found), key=abs)
+
+
+def acting(columns):
+    """By how many spacings an edge cut acts longer than it is drawn: it releases, while it grows by
+    a spacing, the energy that finite elements release there.
+    """
+    size, stretch = CUTS[0.5][0], 1.5
+    spacing = size[0] / (8 * columns)
+    drawn = np.array([columns - 0.375, columns + 0.625]) * spacing
+    lost = -np.diff(
+        [
+            sheet(
+                spacing,
+                size,
+                [stretch],
+                fracture=None,
+                precuts=[{"start": [-1.0, size[1] / 2], "end": [one, size[1] / 2]}],
+            )["energy"]
+            for one in drawn
+        ]
+    )
+    body = elements.Sheet(elements.cut(drawn[0], size, spacing / 16))
+    ((x, ahead, free),) = elements.pulled(body, drawn[0], [stretch])
+    grown = np.arange(2, 37, 2)
+    freed = [elements.released(body, x, ahead[: one + 1], free) for one in grown]
+    longer = (body.X[ahead[grown], 0] - drawn[0]) / spacing
+    gained = np.interp(longer + 1, longer, freed, right=np.nan) - freed
+    yield columns, spacing, float(np.interp(lost[0], gained[gained > 0], longer[gained > 0]))
 
 
 def reference(kind, length):
@@ -304,8 +348,26 @@ if __name__ == "__main__":
         of_rows(
             "strength-clamped", clamped, [(0.18,), (0.09,), (0.06,)], spacing, first, *shear, gap
         ),
-        of_rows("strength-factor", factor, [(20.0,), (2000.0,)], "K / μ: g", "mean: .3f", "c: .3f"),
+        of_rows(
+            "strength-factor",
+            factors,
+            FACTORS,
+            "plane",
+            "law",
+            "K / μ: g",
+            *(f"{one:g}: .3f" for one in BREAKS),
+            "off (%): +.1f",
+            rows=with_differences,
+        ),
         Study("strength-references", elementary, {}),
+        of_rows(
+            "strength-acting",
+            acting,
+            [(3,), (5,)],
+            "rows that the cut separates",
+            "spacing (l_c): .3g",
+            "longer by (spacings): .2f",
+        ),
         *(
             of_rows(name, one, spacings(kinds[kind]), *head[kind], rows=partial(beside, kind))
             for kind, name, one in (

@@ -92,20 +92,22 @@ def stretch_at_stress(law: Law, stress: float, what: str = "that stress") -> flo
     )
 
 
-def tension_states(law: Law, stretch: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return nominal stresses in uniaxial tension up to a stretch, from 0, and `MOST_STRETCH` times
-    beyond it unless the law ends before, and the roots of the energy densities there, shape (n,).
+def tension_states(law: Law, stretch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return stretches in uniaxial tension from 1 to a stretch, and `MOST_STRETCH` times beyond it
+    unless the law ends before, the nominal stresses there, and the roots of the energy densities,
+    shape (n,).
 
     The roots are nearly linear in the stress, which is the last one of the first `TABLE` at the
     stretch.
     """
     stretches = np.linspace(1.0, stretch, TABLE)
-    stretches = np.append(stretches, np.geomspace(stretch, MOST_STRETCH * stretch, TABLE)[1:])
+    beyond = 1 + np.geomspace(stretch - 1, MOST_STRETCH * stretch - 1, TABLE)[1:]
+    stretches = np.append(stretches, beyond)
     stresses, ratios = homogeneous.sheet_states(law, stretches, np.full(len(stretches), np.nan))
     of = np.isfinite(stresses)
     stretches, stresses, ratios = stretches[of], stresses[of], ratios[of]
     F = np.stack([stretches, np.sqrt(ratios / stretches)], axis=1)[:, None] * np.eye(2)
-    return stresses, np.sqrt(np.maximum(PLANES["stress"].energy_at(law, F, ratios), 0.0))
+    return stretches, stresses, np.sqrt(np.maximum(PLANES["stress"].energy_at(law, F, ratios), 0.0))
 
 
 def stretch_at(law: Law, quantity: Callable[[float], float], wanted: float, what: str) -> float:

@@ -88,4 +88,4 @@ def works_at_break(law: Law, stress: float, factors: np.ndarray, greatest: float
     times each of the `factors`, shape (n,), of which none exceeds `greatest`.
     """
     top = stretch_at_stress(law, stress * greatest, "the greatest of the random strengths")
-    return np.square(np.interp(stress * factors, *tension_states(law, top)))
+    return np.square(np.interp(stress * factors, *tension_states(law, top)[1:]))

@@ -22,19 +22,13 @@ from ..solvers.conditions import Loading
 from .fracture import ends_of_pairs
 from .random_strength import random_works
 from .strength_surface import Surface, surface_of
+from .tip_factor import factor_of
 
 logger = logging.getLogger(__name__)
 
 LEAST_RADIUS = 1.5
 """Least radius of a disc in spacings: a smaller one holds too few points for a mean around the tip
 of a crack. Sheets of linear bonds tore within 12 % of Griffith's load at 1.6.
-"""
-
-STRETCHES = (1.0, 1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, math.inf)
-SHARES = (0.0, 0.04, 0.147, 0.342, 0.538, 0.733, 0.822, 0.911, 0.947, 1.0)
-"""Share of the way from the factor of small strains to that of large ones, 1, by stretch at break,
-from finite elements of a long cut in an incompressible neo-Hookean sheet (theory, section 32; the
-finite elements are not part of this repository).
 """
 
 TRACE_STEP, SAMPLES = 1.02, 9
@@ -299,21 +293,6 @@ class Strengths:
                     " body that is longer between its clamps (two of them"
                     f" {2 * zone.radius + body.spacing:.3g} apart would do), or leave at_grips out"
                 )
-
-
-def factor_of(law: Law, stretch: float, plane: str, surface: Surface | None = None) -> float:
-    """Return the factor c of a law that breaks at a stretch in uniaxial tension: the mean energy
-    density, or that of a strength surface, over a disc of radius R around the tip of a long crack
-    is c G / (pi R).
-
-    For small strains it follows from the fields of Williams; for large ones it is 1 in neo-Hookean
-    material. A solid has the factor of plane strain.
-    """
-    nu = law.poisson_ratio
-    kappa = (3 - nu) / (1 + nu) if plane == "stress" else 3 - 4 * nu
-    small = surface.small_factor(nu, plane) if surface else (2 * kappa - 1) / (2 * kappa + 2)
-    share = np.interp(-1 / stretch, -1 / np.array(STRETCHES), SHARES)
-    return float(small + (1 - small) * share)
 
 
 def least_trace_of(law: Law, work: float, surface: Surface | None = None) -> float:

@@ -1,6 +1,5 @@
 """Strengths of two numbers: surfaces of Drucker and Prager's form, theory, section 32."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,16 +61,15 @@ class Surface:
         root = np.interp(principal, self.stresses, self.roots)
         return np.square(root * np.maximum(principal / last, 1.0))
 
-    def small_factor(self, nu: float, plane: str) -> float:
-        """Return the factor of `factor_of` for small strains: the mean over a disc around the tip
-        of a long crack of this energy, by the stresses of Williams, times pi R / G.
+    def density_around_tip(self, angle: np.ndarray, nu: float, plane: str) -> np.ndarray:
+        """Return this energy for small strains around the tip of a long crack, at angles from the
+        line ahead, times 2 pi r / G, by the stresses of Williams.
         """
-        angle = (np.arange(TABLE) + 0.5) * math.pi / TABLE
         cos, sin = np.cos(angle / 2), np.sin(angle / 2)
-        across = np.zeros(TABLE) if plane == "stress" else 2 * nu * cos
+        across = 0 * cos if plane == "stress" else 2 * nu * cos
         stresses = np.stack([cos * (1 + sin), cos * (1 - sin), across], axis=-1)
         held = 1.0 if plane == "stress" else 1 - nu**2
-        return float(np.square(self.equivalent(stresses)).mean() / (2 * held))
+        return np.square(self.equivalent(stresses)) / (2 * held)
 
 
 def surface_of(law: Law, stretch: float, given: Strength) -> Surface | None:
@@ -105,7 +103,7 @@ def surface_of(law: Law, stretch: float, given: Strength) -> Surface | None:
                 f" {given.equibiaxial:g}: beyond it, pressure would break the material"
             )
         share = max(share, 0.0)
-    stresses, roots = tension_states(law, stretch)
+    _, stresses, roots = tension_states(law, stretch)
     if (np.diff(stresses) <= 0).any():
         raise ValueError(
             f"the nominal stress of {law.name} in uniaxial tension must rise up to the break and"
