@@ -215,25 +215,31 @@ class Bookkeeping:
         following = account.time + self.integrator.next_step()
         return at(account.rate_time), at(account.time), at(following)
 
+    @property
+    def _ahead(self) -> float:
+        """Loading parameter a retardation time ahead, of the supports in the viscous forces."""
+        return self.run.state.parameter + self.viscosity * self.motion.rate
+
     def _planes_move(self) -> bool:
-        """Return whether a reflection plane moves in the last step or the next; otherwise its
-        reaction does no work in them.
+        """Return whether a reflection plane moves in the last step, the next, or the retardation
+        time; otherwise its reaction does no work in them.
         """
         if not self.run.loading.of_planes:
             return False
-        last, now, following = map(self.run.loading.plane_motions, self._parameters())
-        return bool((now != last).any() or (now != following).any())
+        parameters = *self._parameters(), self._ahead
+        last, now, *after = map(self.run.loading.plane_motions, parameters)
+        return any((now != other).any() for other in (last, *after))
 
     def _uneven(self) -> bool:
-        """Return whether supports change velocity within the retardation time by more than
-        `LEAST_UNEVENNESS`, relatively.
+        """Return whether supports change velocity between the retardation time before and that
+        after by more than `LEAST_UNEVENNESS`, relatively; approximated forces forget within it.
         """
         if self.viscosity == 0:
             return False
-        now = self.run.state.parameter
-        last = self.motion.at(self.account.rate_time)
-        ahead = now + self.viscosity * self.motion.rate
-        return self.run.loading.unevenness(last, now, ahead) > LEAST_UNEVENNESS
+        account = self.account
+        last = self.motion.at(max(0.0, min(account.rate_time, account.time - self.viscosity)))
+        found = self.run.loading.unevenness(last, self.run.state.parameter, self._ahead)
+        return found > LEAST_UNEVENNESS
 
     def _powers_of_loads(
         self, last: float, now: float, following: float, spans: tuple[float, float]
@@ -268,24 +274,40 @@ class Bookkeeping:
         spans = elapsed or 1.0, integrator.next_step()
         last, now, following = parameters = self._parameters()
         of_loads = self._powers_of_loads(*parameters, spans) if self.run.loads else [0.0, 0.0]
-        if evaluate and self.viscosity > 0:
-            self._judge(integrator.find_elastic())
-        balance = integrator.balance()
-        each = [reactions]
+        elastic, by_viscosity = reactions, 0.0
         if self.viscosity > 0:
-            each.append(self._elastic_reactions(reactions, evaluate))
-        ended, begun = course.work(each, last, now), course.work(each, now, following)
-        # Viscosity dissipates a part of the work of the supports as well.
-        by_viscosity = [works[0] - works[-1] for works in (ended, begun)]
-        account.work += 0.5 * (ended[0] + elapsed * (account.power + of_loads[0]))
-        account.damped_energy += 0.5 * (
-            by_viscosity[0] + elapsed * (account.damped_power + balance.taken_before)
+            if evaluate:
+                self._judge(integrator.find_elastic())
+            elastic = self._elastic_reactions(reactions, evaluate)
+            by_viscosity = self._power_by_viscosity(reactions, elastic)
+        balance = integrator.balance()
+        (ended,), (begun,) = (
+            course.work([elastic], last, now),
+            course.work([elastic], now, following),
+        )
+        powers = account.power + by_viscosity + of_loads[0]
+        account.work += 0.5 * (ended + elapsed * powers)
+        account.damped_energy += (
+            0.5 * elapsed * (account.damped_power + by_viscosity + balance.taken_before)
         )
         if elapsed > 0 and self.run.damage is not None:
             account.released_energy += balance.arriving - balance.leaving
-        account.power = begun[0] / spans[1] + of_loads[1]
-        account.damped_power = by_viscosity[1] / spans[1] + balance.taken_after
+        account.power = begun / spans[1] + by_viscosity + of_loads[1]
+        account.damped_power = by_viscosity + balance.taken_after
         account.rate_time = account.time
+
+    def _power_by_viscosity(self, reactions: Reactions, elastic: Reactions) -> float:
+        """Return the power of the viscous part of the reactions of supports, all of which
+        viscosity dissipates.
+
+        Viscous forces are those of supports that move from their present places to those a
+        retardation time ahead (`ExplicitDynamics`), also where they begin or cease to move within
+        that time: their power is that with this velocity.
+        """
+        both = self.run.loading.course.work(
+            [reactions, elastic], self.run.state.parameter, self._ahead
+        )
+        return (both[0] - both[1]) / self.viscosity
 
     def _judge(self, power: float) -> None:
         """Find from the power of an error of the approximated elastic forces whether to evaluate

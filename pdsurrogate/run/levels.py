@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..forces import InvalidState
+from ..forces import InternalForce, InvalidState
 from ..forces.internal_force import settle
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
@@ -424,6 +424,7 @@ class Equilibria:
         run = self.run
         if run.body.share.any(run.interruption.asked):
             self._last_output.restore(run, self.solver)
+            self._last_output.forget_later(run.force)
             if not self._checkpoints.resumable:
                 self._checkpoint()
             raise Interrupted
@@ -480,6 +481,7 @@ class Accepted:
         self.earlier, self.followed = run.earlier, run.followed
         self.gave_up = solver.gave_up
         self.evaluations = run.force.evaluations
+        self.outside = run.force.pairs_outside, run.force.most_outside
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
@@ -492,6 +494,11 @@ class Accepted:
             array[:] = self.arrays[key]
         run.force.elapse(0.0)
         run.loading.apply(self.parameter, run.loaded, run.positions)
+
+    def forget_later(self, force: InternalForce) -> None:
+        """Take back the counts of evaluations since, which a resumed run repeats."""
+        force.evaluations = self.evaluations
+        force.pairs_outside, force.most_outside = self.outside
 
 
 def _check_resolved(run: Run, target: float) -> None:

@@ -17,7 +17,7 @@ from .rigid import displaced, nearest_turn, rigid_placement
 
 MOST_MOTIONS = 8
 """Number of values of the loading parameter at which `Loading` keeps the motions of all held parts.
-A step of dynamics asks some twenty times for the motions at four values.
+A step of dynamics asks some twenty times for the motions at five values.
 """
 
 ON_A_PLANE = 1e-6

@@ -203,6 +203,9 @@ class Paths:
         found = [0.0] * len(each)
         if loading.of_points:
             moves = loading.moves_of_points(after) - loading.moves_of_points(before)
+            if loading.supports:  # each point around a place carries the reaction at the held one
+                counts = np.array([part.count for part in loading.held])
+                moves = counts[loading.part[loading.at_points]] * moves
             found = self._share.total(tuple((one.at_held * moves).sum() for one in each))
         return [
             work if one.on_planes is None else work + self._work_of_planes(one, before, after)

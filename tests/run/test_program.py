@@ -8,11 +8,12 @@ import re
 import numpy as np
 import pytest
 from runs import started
-from stopping import killed_with_levels
+from stopping import interrupt, killed_with_levels
 
 import pdsurrogate as pds
+from pdsurrogate.progress import listening
 from pdsurrogate.run import transient
-from pdsurrogate.run.simulate import SimulationFailed, simulate
+from pdsurrogate.run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from pdsurrogate.solvers.equilibrium import falls
 from pdsurrogate.solvers.increments import Increments
 
@@ -205,6 +206,21 @@ def test_a_program_resumes_to_the_same_bits(tmp_path, interrupted, obstacles):
         level["t"]
         for level in json.loads((tmp_path / "cut" / "summary.json").read_text())["levels"]
     ][-1] == 0.0
+
+
+def test_an_abandoned_search_for_the_first_equilibrium_is_not_counted(tmp_path):
+    """The history of a run resumed from there had two more evaluations."""
+    scene = scene_of((0.3,))
+    whole = simulate(scene, "bond-energy")
+
+    def listener(stage, done, total, **numbers):
+        if numbers.get("evaluations", 0) >= 2:
+            interrupt()
+
+    with pytest.raises(SimulationInterrupted), listening(listener):
+        simulate(scene, "bond-energy", folder=tmp_path)
+    resumed = simulate(scene, "bond-energy", folder=tmp_path, resume=True)
+    assert resumed.history == whole.history
 
 
 def test_increments_are_chosen_by_what_the_first_guess_strains():

@@ -188,6 +188,21 @@ def test_the_work_of_obstacles_is_that_of_their_forces_before_and_after():
     assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
 
 
+def test_the_work_of_a_place_between_points_is_that_of_all_points_around_it():
+    """With the reaction of the held one of two points alone half the work was missing."""
+    scene = cantilever(
+        regions={},
+        prescribed=[
+            {"region": {"near": [0.0, 0.75]}, "x1": 0.0, "x2": 0.6},
+            {"region": {"near": [0.0, 0.25]}, "x1": 0.0, "x2": -0.6},
+        ],
+        fracture={"critical_stretch": 1.2},
+    )
+    result = pds.simulate(scene, "bond-energy", threads=1)
+    assert result.summary["crack"]["broken_bonds"] > 0
+    assert abs(result.summary["quasi_static"]["greatest_energy_gap"]) < 0.5
+
+
 def test_a_body_that_its_loads_carry_away_comes_apart():
     """Under a dead load no equilibrium follows the first broken bonds."""
     scene = cantilever(
