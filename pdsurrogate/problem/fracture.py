@@ -13,7 +13,12 @@ from ..materials.tearing import check_positive, stretch_at
 from ..scenes import Mesh, Scene
 from ..scenes.loading_checks import criteria_give, names_of_materials, tears_slowly
 from ..scenes.model import Criterion, Fracture
-from ..scenes.tip_diameter import TIP_DIAMETER, TipDiameters, tip_diameters_in
+from ..scenes.tip_diameter import (
+    TIP_DIAMETER,
+    TipDiameters,
+    grown_with_bulk,
+    tip_diameters_in,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -25,6 +30,9 @@ lattice, at horizons below two spacings.
 In three layers, a pair of points of the middle one can leave both flanks of a crack and hold it:
 strips tore at up to 1.7 times the energy of strips of four and five layers, which had no such pair.
 """
+
+ROUNDING = 1e-6
+"""Relative difference within which a ratio of moduli, which are computed, is a measured one."""
 
 MOST_IN_WALLS = 0.1
 INSIDE = 0.75
@@ -143,8 +151,8 @@ class CriticalStretches:
     Warns
     -----
     UserWarning
-        If the critical stretch of a fracture energy is outside those for which crack tips were
-        measured; the message is also a remark.
+        If the critical stretch of a fracture energy, or the ratio of bulk and shear modulus, is
+        outside those for which crack tips were measured; the message is also a remark.
 
     Raises
     ------
@@ -239,27 +247,42 @@ class CriticalStretches:
             stretch = _stretch_of_energy(law, given.energy / self._body.horizon, tip.at)
         except ValueError as error:
             raise ValueError(f"{key}.energy: {error}") from None
-        if not tip.stretches[0] <= stretch <= tip.stretches[-1]:
+        if not tip.measured[0] <= stretch <= tip.measured[1]:
             self._remark(stretch, tip, key)
+        low, high = tip.bulk_ratios
+        if not low * (1 - ROUNDING) <= bulk_ratio <= high * (1 + ROUNDING):
+            self._remark_bulk(bulk_ratio, tip, key)
         return stretch
 
     def _remark(self, stretch: float, tip: TipDiameters, key: str) -> None:
         """Warn of a critical stretch at which no crack tip was measured, and keep the warning
         for the summary.
         """
-        end, inner = (0, 1) if stretch < tip.stretches[0] else (-1, -2)
-        change = 100 * (tip.diameters[end] / tip.diameters[inner] - 1)
-        trend = (
-            f"from {tip.stretches[inner]:g} to {tip.stretches[end]:g} it changes by {change:+.0f} %"
-        )
+        low, high = tip.measured
+        known = tip.stretches[(tip.stretches >= low) & (tip.stretches <= high)]
+        end, inner = (known[0], known[1]) if stretch < low else (known[-1], known[-2])
+        change = 100 * (tip.at(end) / tip.at(inner) - 1)
         remark = (
             f"{key}.energy gives a critical stretch of {stretch:.3g}, but crack tips were measured"
-            f" for critical stretches from {tip.stretches[0]:g} to {tip.stretches[-1]:g}: the"
-            f" diameter at {tip.stretches[end]:g} is used ({trend}), so that the energy release"
-            " rate at the peak of the load may differ from the given energy by more than 7 %; to"
-            " be sure, set critical_stretch"
+            f" for critical stretches from {low:g} to {high:g}: the diameter is taken as constant"
+            f" beyond the last measured one (from {inner:g} to {end:g} it changes by"
+            f" {change:+.0f} %), so that the energy release rate at the peak of the load may differ"
+            " from the given energy by more than 7 %; to be sure, set critical_stretch"
         )
         self._say(remark)
+
+    def _remark_bulk(self, bulk_ratio: float, tip: TipDiameters, key: str) -> None:
+        """Warn of a ratio of bulk and shear modulus with which no crack tip was measured."""
+        low, high, least, most = grown_with_bulk()
+        ends = " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in tip.bulk_ratios))
+        self._say(
+            f"{key}.energy: the bulk modulus is {bulk_ratio:.4g} times the shear modulus, but crack"
+            f" tips were measured with {ends} times it for these points, this plane and this"
+            f" horizon, and the diameter of the nearest one is used. Diameters grow with the bulk"
+            f" modulus: in plane strain on the lattice they are {least:.1f} to {most:.1f} times as"
+            f" large with {high:g} as with {low:g} times the shear modulus, and the energy release"
+            " rate at the peak of the load may be off by as much; to be sure, set critical_stretch"
+        )
 
     def say_process(self, process: str, why: str) -> None:
         """Note in log and summary how bonds break, and why; remark it where dynamics that a scene

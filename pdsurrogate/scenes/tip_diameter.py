@@ -3,6 +3,7 @@ horizon to spacing, and critical stretch.
 """
 
 import json
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -39,15 +40,25 @@ def measured_diameters() -> list[dict[str, Any]]:
 
 
 class TipDiameters(NamedTuple):
-    """Diameters of a crack tip in horizons, linear between measured critical stretches and
-    constant beyond them.
+    """Diameters of a crack tip in horizons, linear between critical stretches and constant beyond
+    them.
     """
 
     stretches: np.ndarray
-    """Critical stretches of the measured tears, ascending."""
+    """Critical stretches between which the diameters are linear, ascending."""
 
     diameters: np.ndarray
     """Diameter at each of them."""
+
+    measured: tuple[float, float]
+    """Least and greatest critical stretch that were measured for all neighboring horizons and
+    ratios of the moduli.
+    """
+
+    bulk_ratios: tuple[float, float]
+    """Least and greatest ratio of bulk and shear modulus that were measured for all neighboring
+    horizons; 0 and infinity where the diameter does not depend on it.
+    """
 
     def at(self, stretch: float) -> float:
         """Return the diameter at a critical stretch."""
@@ -65,7 +76,8 @@ def tip_diameters(
     to spacing linear in spacings, and between measured ratios of bulk and shear modulus linear in
     their logarithm, constant beyond them.
 
-    Between two ratios, only the critical stretches that were measured for both count as measured.
+    Each horizon's diameters are constant beyond its own critical stretches, so that a diameter is
+    continuous in all three.
 
     Parameters
     ----------
@@ -101,8 +113,9 @@ def tip_diameters(
             and family in (None, known)
             and ratios[0] - 1e-9 <= horizon_ratio <= ratios[-1] + 1e-9
         ):
-            of_bulk = {ratio: _of_bulk(by_ratio[ratio], bulk_ratio) for ratio in ratios}
-            return _between(of_bulk, horizon_ratio)
+            tip = _between(by_ratio, horizon_ratio, bulk_ratio)
+            # a sheet in plane stress changes its thickness in place of its volume
+            return tip._replace(bulk_ratios=(0.0, np.inf)) if plane == "stress" else tip
         told.append(
             _told(known, state, points)
             + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1])))
@@ -117,41 +130,73 @@ def tip_diameters(
     )
 
 
-def _of_bulk(by_bulk: dict[float, list], bulk_ratio: float) -> list:
-    """Return stretches with their diameters at a ratio of bulk and shear modulus: those of the
-    least measured one times factors, which need fewer critical stretches.
+def _of_bulk(by_bulk: dict[float, list], bulk_ratio: float) -> TipDiameters:
+    """Return the diameters at a ratio of bulk and shear modulus: those of the least measured one
+    times factors, which need fewer critical stretches.
     """
-    measured = [np.array(sorted(by_bulk[ratio])).T for ratio in sorted(by_bulk)]
-    stretches, diameters = measured[0]
-    factors = [
-        np.interp(stretches, own[0], own[1] / np.interp(own[0], stretches, diameters))
-        for own in measured
-    ]
-    logs = np.log(sorted(by_bulk))
-    at = [np.interp(np.log(bulk_ratio), logs, of_one) for of_one in np.transpose(factors)]
-    return [*zip(stretches, diameters * at, strict=True)]
+    known = {ratio: np.array(sorted(of_one)).T for ratio, of_one in sorted(by_bulk.items())}
+    stretches, diameters = next(iter(known.values()))
+    factor = np.zeros_like(stretches)
+    sides = _sides(np.log(bulk_ratio), np.log([*known]))
+    own = [[*known.values()][number] for number, _ in sides]
+    for (measured, of_one), (_, share) in zip(own, sides, strict=True):
+        ratios = of_one / np.interp(measured, stretches, diameters)
+        factor += share * np.interp(stretches, measured, ratios)
+    return TipDiameters(
+        stretches, diameters * factor, _shared([one[0] for one in own]), _shared([[*known]])
+    )
 
 
-def _between(by_ratio: dict[float, list], horizon_ratio: float) -> TipDiameters:
-    """Return the diameters at a horizon from those of the measured horizons on both sides; each
-    list has stretches with their diameters.
+def _between(
+    by_ratio: dict[float, dict[float, list]], horizon_ratio: float, bulk_ratio: float
+) -> TipDiameters:
+    """Return the diameters at a horizon from those of the measured horizons on both sides.
 
     The diameter is linear in spacings: horizons in which a point has the same neighbors have tips
     of the same size in spacings.
     """
-    ratios = np.array(sorted(by_ratio))
-    place = float(np.interp(horizon_ratio, ratios, np.arange(len(ratios))))
-    sides = ratios[int(np.floor(place))], ratios[int(np.ceil(place))]
-    low, high = (np.array(sorted(by_ratio[ratio])).T for ratio in sides)
-    stretches = np.unique(np.concatenate([low[0], high[0]]))
-    stretches = stretches[
-        (stretches >= max(low[0][0], high[0][0])) & (stretches <= min(low[0][-1], high[0][-1]))
-    ]
-    share = place % 1
-    spacings = (1 - share) * sides[0] * np.interp(stretches, *low) + share * sides[1] * np.interp(
-        stretches, *high
+    ratios = sorted(by_ratio)
+    sides = _sides(horizon_ratio, ratios)
+    tips = [_of_bulk(by_ratio[ratios[number]], bulk_ratio) for number, _ in sides]
+    stretches = np.unique(np.concatenate([tip.stretches for tip in tips]))
+    spacings = sum(
+        share * ratios[number] * np.interp(stretches, tip.stretches, tip.diameters)
+        for tip, (number, share) in zip(tips, sides, strict=True)
     )
-    return TipDiameters(stretches, spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]))
+    return TipDiameters(
+        stretches,
+        spacings / np.clip(horizon_ratio, ratios[0], ratios[-1]),
+        _shared([tip.measured for tip in tips]),
+        _shared([tip.bulk_ratios for tip in tips]),
+    )
+
+
+def _sides(value: float, known: Sequence[float]) -> list[tuple[int, float]]:
+    """Return the numbers of the known values on both sides of a value, or of the one within
+    rounding of it, with their shares in it.
+    """
+    place = round(float(np.interp(value, known, np.arange(len(known)))), 9)
+    return [(number, 1 - abs(place - number)) for number in {int(place), int(np.ceil(place))}]
+
+
+def _shared(ranges: Sequence[Sequence[float]]) -> tuple[float, float]:
+    """Return the ends of what ascending ranges have in common."""
+    return max(one[0] for one in ranges), min(one[-1] for one in ranges)
+
+
+def grown_with_bulk() -> tuple[float, float, float, float]:
+    """Return the ratios of bulk and shear modulus between which diameters in plane strain were
+    measured, and the least and greatest quotient of the diameters at both.
+    """
+    found: dict[tuple, dict[float, float]] = {}
+    for entry in measured_diameters():
+        if (entry["family"], entry["plane"]) == ("bond energy", "strain"):
+            case = entry["arrangement"], entry["horizon_ratio"], entry["critical_stretch"]
+            found.setdefault(case, {})[entry["bulk_ratio"]] = entry["diameter"]
+    ratios = [ratio for of_case in found.values() for ratio in of_case]
+    low, high = min(ratios), max(ratios)
+    grown = [own[high] / own[low] for own in found.values() if low in own and high in own]
+    return low, high, min(grown), max(grown)
 
 
 def tip_diameters_in(

@@ -3,6 +3,7 @@ the peak of the load of torn strips.
 """
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -12,7 +13,12 @@ import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.fracture import CriticalStretches
-from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameters, tip_diameters_in
+from pdsurrogate.scenes.tip_diameter import (
+    grown_with_bulk,
+    measured_diameters,
+    tip_diameters,
+    tip_diameters_in,
+)
 
 STRIP = {
     "name": "strip",
@@ -85,6 +91,29 @@ def test_diameters_are_interpolated_in_the_horizon_and_the_critical_stretch():
         )
 
 
+@pytest.mark.parametrize("plane", ["stress", "strain", "space"])
+@pytest.mark.parametrize("bulk_ratio", [20.0, 400.0, 1e4])
+def test_diameters_are_continuous_in_the_horizon(plane, bulk_ratio):
+    """Also at stretches that one neighboring horizon lacks; only the measured range is narrower."""
+    ratios = {
+        entry["horizon_ratio"]
+        for entry in measured_diameters()
+        if (entry["family"], entry["plane"], entry["arrangement"])
+        == ("bond energy", plane, "lattice")
+    }
+    ends, step = (min(ratios), max(ratios)), 1e-7
+    for ratio in sorted(ratios):
+        for stretch in (1.05, 1.3, 1.7, 2.6, 5.0, 16.0):
+            at = [
+                tip_diameters(plane, one, "bond energy", bulk_ratio=bulk_ratio).at(stretch)
+                for one in np.clip((ratio - step, ratio, ratio + step), *ends)
+            ]
+            np.testing.assert_allclose(at, at[1], rtol=1e-5)
+    for near in np.nextafter(3.15, (3.0, 4.0)):
+        own = [tip_diameters("stress", one, "bond energy") for one in (3.15, float(near))]
+        assert own[0].measured == own[1].measured
+
+
 def test_tips_of_nearly_incompressible_material_in_plane_strain_are_larger():
     """Between measured ratios of the moduli diameters are linear in the logarithm, beyond them
     constant.
@@ -112,6 +141,43 @@ def test_tips_of_nearly_incompressible_material_in_plane_strain_are_larger():
     assert density * own.at(found) * 0.1375 == pytest.approx(0.35, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("plane", "ratio", "bulk_ratio", "points", "known"),
+    [
+        ("strain", 2.2, 20.0, {}, None),
+        ("strain", 2.2, 1000.0, {}, None),
+        ("strain", 2.2, 1200.0, {}, "20 to 1000"),
+        ("strain", 2.2, 5.0, {}, "20 to 1000"),
+        ("strain", 4.6, 1000.0, {}, "20"),
+        ("strain", 2.2, 100.0, {"arrangement": "relaxed", "seed": 1}, "20"),
+        ("stress", 2.2, 1000.0, {}, None),
+        ("stress", 2.2, 5.0, {"arrangement": "relaxed", "seed": 1}, None),
+    ],
+)
+def test_a_bulk_modulus_with_which_no_tip_was_measured_is_remarked(
+    plane, ratio, bulk_ratio, points, known
+):
+    """Tips of nearly incompressible material are larger, except in plane stress."""
+    law = {"law": "neo-hookean", "shear_modulus": 0.3, "bulk_modulus": 0.3 * bulk_ratio}
+    body, energy = STRIP["body"] | points, {"energy": 0.1}
+    changes = {"plane": plane, "horizon_ratio": ratio, "body": body, "material": law}
+    scene = pds.Scene.model_validate(STRIP | changes | {"fracture": energy})
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        remarks = critical_stretches(scene, "bond energy").summary["fracture_remarks"]
+    assert [str(one.message) for one in said] == [f"scene strip: {one}" for one in remarks]
+    about = [one for one in remarks if "bulk modulus" in one]
+    assert len(about) == (known is not None)
+    if known:
+        low, high, least, most = grown_with_bulk()
+        assert 1.0 < least < most
+        assert f"is {bulk_ratio:g} times the shear modulus, but crack" in about[0]
+        assert f"measured with {known} times it" in about[0]
+        assert (
+            f"{least:.1f} to {most:.1f} times as large with {high:g} as with {low:g} " in about[0]
+        )
+
+
 def critical_stretches(scene, force):
     body = pds.Body.rectangle(4.0, 1.0, 0.0625, 0.1375)
     return CriticalStretches(scene, scene.fracture, body, force, np.zeros(len(body), dtype=int))
@@ -127,7 +193,7 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force, energy):
     assert homogeneous.uniaxial(law, found).energy_density * tip.at(
         found
     ) * 0.1375 == pytest.approx(energy, rel=1e-9)
-    assert tip.stretches[0] < found < tip.stretches[-1]
+    assert tip.measured[0] < found < tip.measured[1]
     assert critical.summary["fracture_remarks"] == []
 
 
@@ -166,8 +232,8 @@ def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
         tip_diameters("stress", 2.2, "bond energy"),
     )
     measured = (
-        rf"measured for critical stretches from {tip.stretches[0]:g} to {tip.stretches[-1]:g}: the"
-        r" diameter at "
+        rf"measured for critical stretches from {tip.measured[0]:g} to {tip.measured[1]:g}: the"
+        r" diameter is taken as constant beyond the last measured one "
     )
     with pytest.warns(
         UserWarning,
