@@ -625,7 +625,7 @@ def test_strengths_break_the_same_bonds_with_the_same_bits(ranks, tmp_path):
     """Discs reach across ranks, and two numbers decide; without an equilibrium before, whose last
     bits depend on the number of ranks.
     """
-    fracture = "fracture={energy=300.0, strength={stretch=1.3, equibiaxial=400.0}}"
+    fracture = "fracture={energy=500.0, strength={stretch=1.3, equibiaxial=400.0}}"
     asked = *TEAR, "--set", "stretches=[]", "--set", fracture, "--set", "dynamics.stretch=1.5"
     cracks, displacements = [], []
     for number in (1, 2, 3):
