@@ -415,9 +415,10 @@ def _on_body(
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             softest = min(law.shear_modulus for law in laws)
-            process = process_of(scene, loading, stages, softest)
-            if scene.fracture and process[0] == "quasi-static":
-                stages = slow_stages(scene, stages)
+            if scene.fracture:
+                process = process_of(scene, loading, stages, softest)
+                if process[0] == "quasi-static":
+                    stages = slow_stages(scene, stages)
             check_dynamics(scene, loading, stages, softest)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)

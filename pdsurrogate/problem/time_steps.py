@@ -1,5 +1,5 @@
-"""What dynamics would take, before a run begins: checks, and whether a tear is so slow that it is
-one in equilibrium.
+"""Checks of the time steps that dynamics would take, before a run begins, and the choice whether
+bonds break in dynamics or in equilibrium.
 """
 
 import math
@@ -33,9 +33,9 @@ def process_of(
     "quasi-static", and the reason; `stages` are those that the scene states, and `modulus` is the
     least shear modulus.
     """
-    given = scene.fracture.process if scene.fracture else None
-    if given is not None:
-        return given, "as the scene says"
+    assert scene.fracture is not None
+    if scene.fracture.process is not None:
+        return scene.fracture.process, "as the scene says"
     moving = list(_in_dynamics(loading, stages))
     if not moving:
         return "quasi-static", "since the scene has no dynamics"

@@ -281,10 +281,7 @@ class Bookkeeping:
             elastic = self._elastic_reactions(reactions, evaluate)
             by_viscosity = self._power_by_viscosity(reactions, elastic)
         balance = integrator.balance()
-        (ended,), (begun,) = (
-            course.work([elastic], last, now),
-            course.work([elastic], now, following),
-        )
+        ended, begun = course.work(elastic, last, now), course.work(elastic, now, following)
         powers = account.power + by_viscosity + of_loads[0]
         account.work += 0.5 * (ended + elapsed * powers)
         account.damped_energy += (
@@ -304,10 +301,11 @@ class Bookkeeping:
         retardation time ahead (`ExplicitDynamics`), also where they begin or cease to move within
         that time: their power is that with this velocity.
         """
-        both = self.run.loading.course.work(
-            [reactions, elastic], self.run.state.parameter, self._ahead
+        work = self.run.loading.course.work
+        all_forces, of_elastic = (
+            work(one, self.run.state.parameter, self._ahead) for one in (reactions, elastic)
         )
-        return (both[0] - both[1]) / self.viscosity
+        return (all_forces - of_elastic) / self.viscosity
 
     def _judge(self, power: float) -> None:
         """Find from the power of an error of the approximated elastic forces whether to evaluate

@@ -199,7 +199,7 @@ class TearAccount:
         """Return the work on the way between two equilibria of the supports and loads of `one` of
         them.
         """
-        (work,) = self._run.loading.course.work([one.reactions], old.parameter, new.parameter)
+        work = self._run.loading.course.work(one.reactions, old.parameter, new.parameter)
         return work + self._work_of_loads(one, old, new)
 
     def _work_of_loads(self, one: Known, old: Known, new: Known) -> float:

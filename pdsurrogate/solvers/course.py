@@ -4,7 +4,7 @@ from the motions of held parts.
 
 import math
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 
@@ -194,23 +194,21 @@ class Paths:
         guess = self._extended(positions, self._loading.plane_motions(motion.begin), ahead)
         return (guess - positions) / (AHEAD * motion.duration)
 
-    def work(self, each: Sequence[Reactions], before: float, after: float) -> list[float]:
-        """Return the work of all supports on the body at each of some constant reactions, in two
-        dimensions per unit thickness, while the loading parameter changes from one value to
-        another.
+    def work(self, reactions: Reactions, before: float, after: float) -> float:
+        """Return the work of all supports on the body at constant reactions, in two dimensions per
+        unit thickness, while the loading parameter changes from one value to another.
         """
         loading = self._loading
-        found = [0.0] * len(each)
+        found = 0.0
         if loading.of_points:
             moves = loading.moves_of_points(after) - loading.moves_of_points(before)
             if loading.supports:  # each point around a place carries the reaction at the held one
                 counts = np.array([part.count for part in loading.held])
                 moves = counts[loading.part[loading.at_points]] * moves
-            found = self._share.total(tuple((one.at_held * moves).sum() for one in each))
-        return [
-            work if one.on_planes is None else work + self._work_of_planes(one, before, after)
-            for work, one in zip(found, each, strict=True)
-        ]
+            found = self._share.total(float((reactions.at_held * moves).sum()))
+        if reactions.on_planes is None:
+            return found
+        return found + self._work_of_planes(reactions, before, after)
 
     def _work_of_planes(self, reactions: Reactions, before: float, after: float) -> float:
         old = self._loading.plane_motions(before)

@@ -176,8 +176,8 @@ class Automatic(EquilibriumSolver):
 
     In nearly incompressible bodies a little shear corrects a change of volume. Steps of the
     quasi-Newton method, whose preconditioner then contains the bulk modulus, are long compared with
-    it, and the energy, if the force has one, limits them. A faster
-    method that has failed on a body is not tried there again (see `gave_up`).
+    it, and the energy, if the force has one, limits them. A faster method that has failed on a body
+    is not tried there again (see `gave_up`).
     """
 
     name = "automatic"
