@@ -95,7 +95,7 @@ class Body:
         force first needs it.
     loaded : bool, optional
         Whether tractions, pressures or obstacles act on the boundary: gradients beside interfaces
-        between materials are then balanced, too.
+        between materials, and those of NOSB and BA-NOSB, are then balanced, too.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes)
         divide a run; by default the points are the whole body.

@@ -18,6 +18,7 @@ from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
 from .binding import Binding
 from .errors import at_point, why_invalid
+from .pair_balance import balanced_changes
 from .protocol import ForceModel
 from .term import MaterialTerm, StateArray, Term
 
@@ -111,6 +112,9 @@ class BondAssociatedStress(MaterialTerm):
         ba_nosb.bond_references(
             points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes
         )
+        # Without loads on the boundary the model stays as it was published.
+        if body.loaded and body.outward is not None:
+            self._balance()
         self._volume_ratios = np.ones(len(owners))
         self.bond_forces = np.empty((len(owners), 2))
         self.state.append(
@@ -144,6 +148,20 @@ class BondAssociatedStress(MaterialTerm):
         self._find_forces = Chain(
             kinematics.bind(ba_nosb.ba_nosb_forces, *arrays), self._sum_forces
         )
+
+    def _balance(self) -> None:
+        """Add to the vectors of both bonds of a pair, where they have stresses, equal parts of the
+        change that balances the pair, theory (80b).
+        """
+        both = np.stack([self._forward, self._reverse[self._forward]])
+        pairs, changes = balanced_changes(
+            self.body, self.bond_vectors[both[0]] - self.bond_vectors[both[1]]
+        )
+        both = both[:, pairs]
+        stressed = self._inverse_shapes[both, 0] != 0
+        changes = changes[None] * (stressed / np.maximum(stressed.sum(axis=0), 1))[:, :, None]
+        self.bond_vectors[both[0]] += changes[0]
+        self.bond_vectors[both[1]] -= changes[1]
 
     def find(self, out: np.ndarray) -> None:
         unsolved, without_force = self.pass_bonds(out)

@@ -44,21 +44,22 @@ a much softer material follow the gradient of the point.
 
 
 def balanced_changes(
-    binding: Binding, shares: BondShares
+    binding: Binding, shares: BondShares | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return numbers of directed bonds, the changes (k, d) of their weights in the gradients of
     their first points, and their functions.
 
-    Gradients remain exact for affine motions, and for continuous motions that are affine on either
-    side of an interface: the sums of the products of the changes with each of the functions (k, d
-    or d + 1) vanish. Among the changes with which the force of a uniform stress on every point is
-    the load of the boundary on it, `Body.outward`, the least ones are chosen (`_least_changes`). On
-    a lattice the points within a horizon of those on which the boundary acts have changes,
-    otherwise all points; but none within a horizon of a point that a cut which `Body.outward` does
-    not contain separates, and none that see images beyond a curved held boundary, or in the corner
-    of a clamp and a free side beyond the clamp. Points within two horizons of an interface have
-    changes if the body is `Body.loaded`. None is returned for a body that does not know its
-    boundary.
+    The energy depends on gradients of pairs with the volumes of `shares`, or else on those of the
+    points. Gradients remain exact for affine motions, and for continuous motions that are affine on
+    either side of an interface: the sums of the products of the changes with each of the functions
+    (k, d or d + 1) vanish. Among the changes with which the force of a uniform stress on every
+    point is the load of the boundary on it, `Body.outward`, the least ones are chosen
+    (`_least_changes`). On a lattice the points within a horizon of those on which the boundary acts
+    have changes, otherwise all points; but none within a horizon of a point that a cut which
+    `Body.outward` does not contain separates, and none that see images beyond a curved held
+    boundary, or in the corner of a clamp and a free side beyond the clamp. Points within two
+    horizons of an interface have changes if the body is `Body.loaded`. None is returned for a body
+    that does not know its boundary.
     """
     kinematics = binding.kinematics
     portion_of = binding.portion_of
@@ -90,7 +91,10 @@ def balanced_changes(
     chosen = at_sides if regular else np.ones(n, dtype=bool)
     chosen &= (kinematics.supported[:n] > 0) & ~left_out
     factors, loads = _factors_and_loads(
-        binding, shares, beside(body, chosen | at_sides), pairs if several else None
+        binding,
+        shares,
+        beside(body, chosen | at_sides),
+        pairs if several and shares else None,
     )
     loads[left_out] = np.nan
     stiff = np.ones(n)
@@ -216,13 +220,13 @@ def _pairs_across(body: Body, portion_of: np.ndarray | None) -> np.ndarray:
 
 
 def _factors_and_loads(
-    binding: Binding, shares: BondShares, reached: np.ndarray, across: np.ndarray | None
+    binding: Binding, shares: BondShares | None, reached: np.ndarray, across: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return B (n, d, d) of (80), and the loads a - g (n, d) that changes must exert, on points
     that are `reached`.
 
     With numbers of the pairs `across` interfaces, they are those of energies that depend on the
-    jumps there.
+    jumps there. Without `shares` the energy of a point follows from its own gradient.
     """
     kinematics = binding.kinematics
     body = binding.kinematics.body
@@ -232,40 +236,39 @@ def _factors_and_loads(
     owners = body.bond_owners
     n, d = body.points.shape
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])
-    deformable = None
-    if across is not None:
-        deformable = binding.portion_of[owners] < len(binding.portions)
-    pairs = np.flatnonzero(around[bonds.first] | around[sources[bonds.second]])
-    first = bonds.first[pairs]
-    second = bonds.second[pairs]
-    volumes = shares.weights_of(pairs, deformable)
-    along = body.all_points[second] - body.all_points[first]
-    length = lengths_of(along)
-    along /= length[:, None]
-    pull = (volumes / length)[:, None] * along
-    factors = np.zeros((n, d, d))
     loads = body.outward.copy()
-    for ends in (first, second):
-        for a, b in np.ndindex(d, d):
-            transverse = (0.5 * volumes) * (float(a == b) - along[:, a] * along[:, b])
-            factors[:, a, b] += np.bincount(
-                sources[ends], signs[ends, a] * signs[ends, b] * transverse, n
-            )
-    body.share.fill(factors)
-    if across is not None:
-        loads += _through_jumps(binding, shares, across, factors)
+    pulls = []
+    if shares is None:
+        factors = body.volumes[:, None, None] * np.eye(d)
+    else:
+        deformable = None
+        if across is not None:
+            deformable = binding.portion_of[owners] < len(binding.portions)
+        pairs = np.flatnonzero(around[bonds.first] | around[sources[bonds.second]])
+        both = bonds.first[pairs], bonds.second[pairs]
+        volumes = shares.weights_of(pairs, deformable)
+        along = body.all_points[both[1]] - body.all_points[both[0]]
+        length = lengths_of(along)
+        along /= length[:, None]
+        pull = (volumes / length)[:, None] * along
+        pulls = [(1, both[0], pull), (-1, both[1], pull)]
+        factors = np.zeros((n, d, d))
+        for ends in both:
+            for a, b in np.ndindex(d, d):
+                transverse = (0.5 * volumes) * (float(a == b) - along[:, a] * along[:, b])
+                factors[:, a, b] += np.bincount(
+                    sources[ends], signs[ends, a] * signs[ends, b] * transverse, n
+                )
+        body.share.fill(factors)
+        if across is not None:
+            loads += _through_jumps(binding, shares, across, factors)
     numbers = np.flatnonzero(around[owners])
     owner = owners[numbers]
     ends = bonds.neighbors[numbers]
     inverse = symmetric(kinematics.inverse_shape)[owner]
     of_bonds = kinematics.weighted_bonds[kinematics.places_of(numbers, owner)]
     weights = np.einsum("bij,bjk,bk->bi", factors[owner], inverse, of_bonds)
-    for sign, points, forces in (
-        (1, first, pull),
-        (-1, second, pull),
-        (1, owner, weights),
-        (-1, ends, weights),
-    ):
+    for sign, points, forces in (*pulls, (1, owner, weights), (-1, ends, weights)):
         for a in range(d):
             loads[:, a] += sign * np.bincount(sources[points], signs[points, a] * forces[:, a], n)
     return factors, loads

@@ -108,13 +108,13 @@ class ChangedWeights:
             self._chunks, self._matrices[0], positions, columns, add=True, variable=True
         )
 
-    def pull_steps(self, moments: np.ndarray, forces: np.ndarray) -> list[Step]:
+    def pull_steps(self, moments: np.ndarray, forces: np.ndarray, add: bool = True) -> list[Step]:
         """Return the steps that add the forces that derivatives by gradients, `moments` by
-        columns, exert through the changes.
+        columns, exert through the changes, or write them to all `forces`.
         """
         columns = moments[: len(self._body)].reshape(-1, self.changes.shape[1])
         return sparse_product(
-            self._chunks, self._matrices[1], columns, forces, add=True, variable=True
+            self._chunks, self._matrices[1], columns, forces, add, every=not add, variable=True
         )
 
     def put(self, changes: np.ndarray) -> None:

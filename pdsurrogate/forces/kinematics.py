@@ -304,6 +304,26 @@ class Kinematics:
         self.balance = BalancedWeights(*of_bonds, self.weighted_bonds, self.supported)
         self.changed.append(self.balance)
 
+    def of_pairs(self, numbers: np.ndarray, owners: np.ndarray, pulls: np.ndarray) -> np.ndarray:
+        """Return the forces on the first points of all pairs that follow from derivatives `pulls`
+        (k, d) of an energy by the second ends of directed bonds, in gradients of their `owners`.
+        """
+        bonds = self.body.bonds
+        signs = np.where(bonds.first[bonds.pair_of[numbers]] == owners, 1.0, -1.0)
+        found = np.stack(
+            [
+                np.bincount(bonds.pair_of[numbers], signs * pull, len(bonds.first))
+                for pull in pulls.T
+            ],
+            axis=1,
+        )
+        outer = self.outer_pairs
+        found[outer] -= (
+            self.body.ghosts.parity[bonds.second[outer] - len(self.body)]
+            * found[self.mirrored_pairs]
+        )
+        return found
+
     def move_planes(self, motions: np.ndarray) -> None:
         """Displace every reflection plane by u(X) = turn X + displacement, with the `motions`
         [turn, displacement] of shape (planes, d, d + 1); their images follow when positions are

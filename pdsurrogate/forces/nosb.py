@@ -7,10 +7,14 @@ from typing import ClassVar
 import numpy as np
 
 from ..body.body import lengths_of
+from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
+from ..kernels.ghosts import fold_vectors
 from ..materials import PLANES
+from .balanced import balanced_changes
 from .binding import Binding
+from .changed_weights import ChangedWeights
 from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .material_points import rows_of_each
@@ -31,6 +35,10 @@ class PointStress(MaterialTerm):
         body = self.body
         bonds = body.bonds
         d = body.dimension
+        # Without loads on the boundary the model stays as it was published. Those of several terms
+        # may need different changes.
+        alone = len(binding.portions[0].model.terms(kinematics.plane)) == 1
+        changes = balanced_changes(binding) if body.loaded and alone else None
         self._stresses = aligned_rows((len(body.all_points), d * d))
         passes = []
         self._broken = np.zeros(len(bonds.first), dtype=bool)
@@ -50,6 +58,20 @@ class PointStress(MaterialTerm):
             )
             passes.append(kinematics.bind(nosb.weighted_stresses[d], *state, *law, stresses))
         self.in_units = list(enumerate(passes))
+        self._pulls = None
+        pulls = np.zeros((0, d))
+        pull = []
+        if changes is not None:
+            numbers, vectors, _ = changes
+            kinematics.change_weights(*changes)
+            levers = self._levers(numbers, vectors)
+            self._pulls = ChangedWeights(body, kinematics.chunks, numbers, levers)
+            pulls = np.zeros((len(body.all_points), d))
+            images = body.ghosts.source, body.ghosts.parity
+            pull = [
+                *self._pulls.pull_steps(self._stresses, pulls, add=False),
+                *([kinematics.bind(fold_vectors, pulls, *images)] if len(body.ghosts) else []),
+            ]
         sums = (
             self._stresses,
             bonds.pointers,
@@ -57,9 +79,21 @@ class PointStress(MaterialTerm):
             kinematics.starts,
             kinematics.weighted_bonds,
             body.volumes,
+            pulls,
         )
         to_points = kinematics.bind(nosb.nosb_forces[d], *sums, np.empty_like(body.points))
-        self.bind_steps(*passes, *gather, to_points)
+        self.bind_steps(*passes, *gather, *pull, to_points)
+
+    def _levers(self, numbers: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Return V K c of bonds with changed weights, (k, d): P K^-1 of the first point of a bond
+        times this is the derivative of the energy by its end.
+        """
+        points, places = np.unique(self.body.bond_owners[numbers], return_inverse=True)
+        inverse = symmetric(self.kinematics.inverse_shape[points])
+        # A point without a gradient has no stress, and no changes.
+        inverse[self.kinematics.supported[points] == 0] = np.eye(self.body.dimension)
+        shapes = self.body.volumes[points, None, None] * np.linalg.inv(inverse)
+        return np.einsum("bij,bj->bi", shapes[places], changes)
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
@@ -81,14 +115,22 @@ class PointStress(MaterialTerm):
         bond = body.all_points[second] - body.all_points[first]
         factor = body.weigh(lengths_of(bond)) * body.all_volumes[first] * body.all_volumes[second]
         factor[self._broken[pairs]] = 0
-        return factor[:, None] * np.einsum(
+        forces = factor[:, None] * np.einsum(
             "bij,bj->bi", matrices(self._stresses[first] + self._stresses[second]), bond
         )
+        if self._pulls is not None:
+            each = self._pulls
+            pulls = np.einsum("bij,bj->bi", matrices(self._stresses[each.owners]), each.changes)
+            forces += self.kinematics.of_pairs(each.numbers, each.owners, pulls)[pairs]
+        return forces
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._broken[pairs] = True
         for numbers, shapes in self._shapes:
             shapes[:] = self.kinematics.inverse_shape[numbers]
+        balance = self.kinematics.balance
+        if self._pulls is not None and balance is not None:
+            self._pulls.put(self._levers(balance.numbers, balance.changes))
 
 
 class NOSBForce(ForceModel):

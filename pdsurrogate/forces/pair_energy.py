@@ -285,24 +285,13 @@ class PairEnergy(MaterialTerm):
         """Return corrections of the forces of all pairs where bonds are omitted from gradients
         or have changed weights; None if none do.
         """
-        bonds = self.body.bonds
-        body = self.body
         found = [(each.numbers, each.owners, each.changes) for each in self.kinematics.changed]
         if not found:
             return None
         numbers, owners, changes = (np.concatenate(each) for each in zip(*found, strict=True))
-        pulls = self.shares.pulls(self._stresses, owners, changes)
-        pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
-        changed = np.stack(
-            [np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T],
-            axis=1,
+        return self.kinematics.of_pairs(
+            numbers, owners, self.shares.pulls(self._stresses, owners, changes)
         )
-        outer = self.kinematics.outer_pairs
-        changed[outer] -= (
-            body.ghosts.parity[bonds.second[outer] - len(body)]
-            * changed[self.kinematics.mirrored_pairs]
-        )
-        return changed
 
     def forces_of_planes(self) -> np.ndarray:
         """Return the forces of the planes by virtual work: a plane moves its ghosts."""

@@ -60,9 +60,11 @@ def nosb_forces(algebra):
     """
 
     @Pass
-    def nosb_forces(chunk, stresses, pointers, neighbors, starts, weighted_bonds, volumes, out):
+    def nosb_forces(
+        chunk, stresses, pointers, neighbors, starts, weighted_bonds, volumes, pulls, out
+    ):
         """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i
-        V_j; return how many are not finite.
+        V_j and its row of `pulls`, which may have none; return how many are not finite.
 
         P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the
         weight and x the undeformed vector of a bond. `stresses` holds P K^-1 of every point,
@@ -73,6 +75,8 @@ def nosb_forces(algebra):
             bonds = pointers[i], pointers[i + 1], starts[i]
             algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, bonds, i, out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
+            if pulls.shape[0]:
+                force = algebra.plus(force, algebra.vector_at(pulls, i))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)
         return without_force

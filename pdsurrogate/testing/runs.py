@@ -17,7 +17,6 @@ from ..problem import compile_scene
 from ..progress import listening
 from ..run.levels import MOST_OFF
 from ..scenes import Scene, load_scene
-from .bodies import plain
 from .forces import tested
 from .properties import Property, required
 from .subject import FAILURES, Subject, force_densities, mean_stress_at, off
@@ -103,21 +102,20 @@ def _swelling(subject: Subject) -> float:
     return 0.5 * subject.law.shear_modulus / subject.law.bulk_modulus
 
 
-BALANCED = ("bond force", "bond energy")
-"""Families of force models that balance what loads exert on the points beside boundaries."""
-
 UNBALANCED = "it does not balance the loads on points beside boundaries"
 """Reason why homogeneous states under loads are not exact."""
 
 
-def _response(subject: Subject, F: np.ndarray) -> tuple[np.ndarray, float]:
+def _response(subject: Subject, arrangement: str, F: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the principal stresses, shape (d,), and the volume ratio of the model itself at a
-    diagonal deformation gradient.
+    diagonal deformation gradient of a loaded body.
 
     They are those of the law but for the errors of a fit, which are no concern of these properties.
     """
-    required(subject.model.family in BALANCED, UNBALANCED)
-    force = subject.bind(plain(subject.dimension))
+    loads = [{"region": "right", "traction": np.eye(subject.dimension)[0].tolist()}]
+    with _unit_body(subject, arrangement) as keys:
+        body = compile_scene(subject.scene((), **keys, loads=loads)).body
+    force = subject.bind(body)
     required(force.correction != "scalar", UNBALANCED)
     return np.diag(mean_stress_at(force, F)), float(force.volume_ratios().mean())
 
@@ -134,7 +132,7 @@ def _of_tractions(arrangement: str) -> Property:
                 "space": (first, second, last / second),
             }[subject.plane]
         )
-        stress = np.diag(_response(subject, F)[0])
+        stress = np.diag(_response(subject, arrangement, F)[0])
         loads = [
             {"region": side, "traction": load.tolist()}
             for side, load in zip(SIDES[1], stress, strict=False)
@@ -153,7 +151,7 @@ def _of_pressure(arrangement: str) -> Property:
         d = subject.dimension
         stretch = 0.95 if subject.plane == "stress" else (1 - _swelling(subject)) ** (1 / d)
         F = stretch * np.eye(d)
-        stress, J3 = _response(subject, F)
+        stress, J3 = _response(subject, arrangement, F)
         # The true stress, on sides of the deformed thickness.
         loads = [
             {"region": side, "pressure": float(-stress[0] * stretch / J3)} for side in SIDES[1][:d]

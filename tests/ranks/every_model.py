@@ -36,7 +36,7 @@ def measured(row, steps, ranks, outward=None, torn=None, **settings):
     body = divided(whole, ranks) if ranks.size > 1 else whole
     share = body.share
     if outward is not None:
-        vars(body)["outward"] = outward(whole)[share.numbers]
+        vars(body).update(outward=outward(whole)[share.numbers], loaded=True)
     force = subject.model.bind(
         body, subject.law, ForceSettings(plane=row.plane, breakable=torn is not None, **settings)
     )

@@ -133,7 +133,7 @@ def test_forces_and_steps_have_the_same_bits(ranks):
 
 @several
 def test_balanced_gradients_have_the_same_bits(ranks):
-    models = "bond-energy", "bond-energy of solids"
+    models = "bond-energy", "nosb", "bond-energy of solids", "nosb of solids"
     found = [
         ranks.loaded(1, *asked, module="every_model")[0]["value"]
         for asked in (("arrays", 30, models), ("balanced", 30, models))
