@@ -22,6 +22,11 @@ SAMPLES = {2: 8, 3: 5}
 found. Chosen: a circular hole of the disc's size counts within 2 % of the disc.
 """
 
+TOGETHER = 64
+"""Discs whose means are found at once, chosen: all would take gigabytes where spacings are fine and
+most points near their strength.
+"""
+
 EQUAL = 1e-9
 """Relative difference up to which stretches count as equal, as those of a bond and of its image."""
 
@@ -97,11 +102,7 @@ class StrongDamage(Damage):
         ratio_of = self._ratio_of(force)
         for zone in self._strengths.zones:
             points = self._own[zone.centers[self._own]]
-            ratios = ratio_of(zone, points) / zone.least_at(points)
-            value = 0.95 * self.body.share.greatest(float(ratios.max(initial=0.0)))
-            for _ in range(2):  # no value is greater than the ratio of the point
-                found = self._discs(zone, points[ratios >= value], ratio_of)
-                value = next(found, (0.0, None))[0]
+            value, _ = next(self._discs(zone, points, ratio_of), (0.0, None))
             load = max(load, float(np.sqrt(value)))
         return load
 
@@ -179,22 +180,25 @@ class StrongDamage(Damage):
         """
         body = self.body
         share = body.share
-        if not share.any(len(points) > 0):
-            return
         least = zone.least_at(points)
         by_own = ratio_of(zone, points) / least
         numbers, centers, own, least = (
             np.concatenate(share.everywhere(rows))
             for rows in (share.numbers[points], body.points[points], by_own, least)
         )
-        means = self.means(zone, centers, partial(ratio_of, zone)) / least
-        # The part in the hull, which takes time, is found once it decides.
-        waiting = [
-            (-min(one), number, index, False)
-            for index, (*one, number) in enumerate(zip(means, own, numbers, strict=True))
-        ]
-        heapq.heapify(waiting)
-        while waiting:
+        following = np.lexsort((numbers, -own))
+        means = np.empty(len(own))
+        # No disc's value is greater than the ratio of its point. Means are found as long as a
+        # following disc may come first, the part in the hull, which takes time, once it decides.
+        waiting: list[tuple[float, int, int, bool]] = []
+        while waiting or len(following):
+            if len(following) and (not waiting or own[following[0]] >= -waiting[0][0]):
+                some, following = following[:TOGETHER], following[TOGETHER:]
+                means[some] = self.means(zone, centers[some], partial(ratio_of, zone)) / least[some]
+                for index in some:
+                    value = -min(means[index], own[index])
+                    heapq.heappush(waiting, (value, numbers[index], index, False))
+                continue
             value, number, index, whole = heapq.heappop(waiting)
             if whole:
                 yield -value, centers[index]
@@ -229,7 +233,10 @@ class StrongDamage(Damage):
             members.append(member)
             parts.append(np.clip((zone.radius - distance) / body.spacing + 0.5, 0, 1))
         disc, member, part = map(np.concatenate, (discs, members, parts))
-        every, place = np.unique(member, return_inverse=True)
+        known = np.zeros(len(body), dtype=bool)
+        known[member] = True
+        every = np.flatnonzero(known)
+        place = (np.cumsum(known) - 1)[member]
         volumes = body.volumes[every] * self._intact(every)
         if zone.of_points:  # materials without a strength do not count
             volumes *= np.isfinite(self._strengths.works[every])
