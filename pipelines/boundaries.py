@@ -15,6 +15,7 @@ bodies are neo-Hookean with mu = 1 and K = 100 unless said, in cm.
 """
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from cases import Case, at_spacings, percent, report, scene_of
@@ -23,44 +24,25 @@ from scipy.optimize import brentq
 
 import pdsurrogate as pds
 
-RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
-ENERGY = "bond-energy"
+ENERGY, BONDS = "bond-energy", "analytic"
 
 
-def ran(force=ENERGY, **keys):
-    """Run a scene of given keys; return the result, its last output and the number of force
+def ran(name, changes, force=ENERGY):
+    """Run a scene with changes; return the result, its last output and the number of force
     evaluations.
     """
-    keys = {"name": "boundary", "material": RUBBER, "steps": (1.0,), **keys}
-    return solved(pds.Scene(**keys), force)
-
-
-def solved(scene, force=ENERGY):
-    """The same of a scene."""
-    result = pds.simulate(scene, force)
+    result = pds.simulate(scene_of(name, changes), force)
     return result, result.levels[-1], result.summary["n_force_evaluations"]
-
-
-RING = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0}]}
-HELD = {"x1": 0.0, "x2": 0.0}
 
 
 def bushing(spacing):
     """The torque is 4 pi mu times the angle over 1/1 - 1/4 (incompressible; FE at K = 100 agree
     to 0.003 %).
     """
-    outer, turned = (
-        {"region": "outline", **HELD},
-        {
-            "region": "holes",
-            "rotation": 20.0,
-            "about": (0.0, 0.0),
-        },
-    )
-    more = {"plane": "strain", "spacing": spacing, **RING}
-    _, level, count = ran(prescribed=[outer, turned], **more)
+    changes = {"spacing": spacing}
+    _, level, count = ran("bushing", changes)
     yield "torque", percent(level["moments"]["holes"], 4 * np.pi * np.deg2rad(20.0) / 0.75), count
-    _, level, count = ran(prescribed=[outer, {**turned, "x1": 0.2}], **more)
+    _, level, count = ran("bushing", changes | {"prescribed.1.x1": 0.2})
     # FE: 21.847, 21.801, 21.792 with 10, 16 and 24 elements through the wall.
     yield "force", percent(level["forces"]["holes"][0], 21.79), count
 
@@ -68,18 +50,15 @@ def bushing(spacing):
 def rigid_bushing(spacing):
     """References as of `bushing`."""
     changes = {"spacing": spacing}
-    _, level, count = solved(scene_of("rigid-bushing", changes))
+    _, level, count = ran("rigid-bushing", changes)
     yield "torque", percent(level["moments"]["core"], 4 * np.pi * np.deg2rad(20.0) / 0.75), count
-    _, level, count = solved(scene_of("rigid-bushing", changes | {"prescribed.0.x1": 0.2}))
+    _, level, count = ran("rigid-bushing", changes | {"prescribed.0.x1": 0.2})
     yield "force", percent(-level["rigid"]["core"]["force"][0], 21.79), count
 
 
 def simple_shear(spacing):
     """FE: 0.8600 and 0.1146."""
-    held = [{"region": "bottom", **HELD}, {"region": "top", "x1": 0.5, "x2": 0.0}]
-    _, level, count = ran(
-        spacing=spacing, body={"size": (2.0, 1.0)}, prescribed=held, steps=(0.5, 1.0)
-    )
+    _, level, count = ran("sheared-sheet", {"spacing": spacing})
     yield "shear force", percent(level["forces"]["top"][0], 0.8600), count
     yield "normal force", percent(level["forces"]["top"][1], 0.1146), count
 
@@ -88,23 +67,9 @@ def cylinder(spacing):
     """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius
     (incompressible).
     """
-    radius, length = 0.5, 1.5
-    body = {"shape": "cylinder", "axis": "x1", "radius": radius, "length": length}
-    turned = {
-        "region": "right",
-        "rotation": 60.0,
-        "about": (length, 0.0, 0.0),
-        "axis": (1.0, 0.0, 0.0),
-    }
-    held = [{"region": "left", **HELD, "x3": 0.0}, turned]
-    _, level, count = ran(
-        spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5}
-    )
-    yield (
-        "torque",
-        percent(level["moments"]["right"][0], np.pi / 2 * np.deg2rad(60.0) / length * radius**4),
-        count,
-    )
+    _, level, count = ran("twisted-cylinder", {"spacing": spacing})
+    exact = np.pi / 2 * np.deg2rad(60.0) / 1.5 * 0.5**4
+    yield "torque", percent(level["moments"]["right"][0], exact), count
 
 
 BAR = {2: 0.03980, 3: 0.0391}
@@ -113,107 +78,58 @@ Timoshenko's beam theory gives 0.04: in three dimensions the clamp also keeps th
 changing its width, which makes the bar 2.2 % stiffer.
 """
 
+IN_SPACE = {
+    "body": {"shape": "box", "size": [2.0, 0.2, 0.2]},
+    "prescribed.0.x3": 0.0,
+    "probes.0.at": [2.0, 0.1, 0.1],
+}
+"""Changes of the sheet that is bent, which make it a bar."""
 
-def bent_bar(
-    spacing,
-    kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")),
-):
+
+def bent_bar(spacing):
     """A traction under which Timoshenko's beam moves by 0.04 at its end."""
     young, thickness, length = 900 / 301, 0.2, 2.0
-    traction = (
-        0.04
-        / (length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness))
-        / thickness
-    )
-    for name, d, force in kinds:
-        body = {
-            "shape": "box" if d == 3 else "rectangle",
-            "size": (length, thickness, thickness)[:d],
-        }
-        held, load = (
-            {"region": "left", **HELD, **({"x3": 0.0} if d == 3 else {})},
-            (
-                0.0,
-                traction,
-                0.0,
-            )[:d],
-        )
-        probe, loads = (
-            {"name": "tip", "at": (length, *[thickness / 2] * (d - 1))},
-            [{"region": "right", "traction": load}],
-        )
-        _, level, count = ran(
-            force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe]
-        )
+    traction = 0.04 / thickness
+    traction /= length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness)
+    for name, d, force in (
+        ("in space", 3, ENERGY),
+        ("sheet", 2, ENERGY),
+        ("sheet, bond forces", 2, BONDS),
+    ):
+        load = {"loads.0.traction": [0.0, traction, 0.0][:d], "spacing": spacing}
+        _, level, count = ran("bent-bar", (IN_SPACE if d == 3 else {}) | load, force)
         yield name, percent(level["probes"]["tip"]["displacement"][1], BAR[d]), count
 
 
-FORCES = {"": ENERGY, ", bond forces": "analytic", ", NOSB": "nosb", ", BA-NOSB": "ba-nosb"}
+FORCES = {"": ENERGY, ", bond forces": BONDS, ", NOSB": "nosb", ", BA-NOSB": "ba-nosb"}
 
 
 def square(spacing, plane, arrangement="lattice"):
     """Displacement of the edge of a square under a dead traction of 0.5 on all sides, one
     quarter of it; closed.
     """
-    body = {"size": (1.0, 1.0), "arrangement": arrangement}
-    loads = [{"region": "right", "traction": (0.5, 0.0)}, {"region": "top", "traction": (0.0, 0.5)}]
-    held, probe = (
-        [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}],
-        {
-            "name": "edge",
-            "at": (1.0, 0.5),
-        },
-    )
 
     def off(stretch):
-        out = (
-            1.0
-            if plane == "strain"
-            else brentq(
-                lambda out: nominal(*map(np.array, (out, stretch, stretch))), 0.1, 1.5, xtol=1e-14
-            )
-        )
+        def across(out):
+            return nominal(*map(np.array, (out, stretch, stretch)))
+
+        out = 1.0 if plane == "strain" else brentq(across, 0.1, 1.5, xtol=1e-14)
         return float(nominal(*map(np.array, (stretch, stretch, out)))) - 0.5
 
     exact = brentq(off, 1.0, 1.4, xtol=1e-14) - 1
+    changes = {"spacing": spacing, "plane": plane, "body.arrangement": arrangement}
     for suffix, force in FORCES.items():
         if force == "nosb" and arrangement == "relaxed":
             continue  # finds no equilibrium at 0.05
-        _, level, count = ran(
-            force,
-            spacing=spacing,
-            plane=plane,
-            body=body,
-            loads=loads,
-            prescribed=held,
-            probes=[probe],
-        )
+        _, level, count = ran("pulled-square", changes, force)
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][0], exact), count
 
 
-ECCENTRIC = {
-    "body": {"shape": "circle", "radius": 2.0},
-    "holes": [{"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)}],
-}
-AROUND = [
-    (0.025237, 0.0),
-    (0.019216, 0.0395),
-    (0.001953, 0.075091),
-    (-0.024381, 0.103606),
-    (-0.056817, 0.123067),
-    (-0.092214, 0.132726),
-    (-0.127724, 0.132831),
-    (-0.161007, 0.124286),
-    (-0.19027, 0.108357),
-    (-0.214203, 0.086474),
-    (-0.23189, 0.060124),
-    (-0.242728, 0.030804),
-    (-0.246378, 0.0),
-]
-"""Displacements of the hole of `eccentric_ring`, every 15 degrees from its right end, relative to
-the place (1.6, 0).
-
-FE, last change 4e-6.
+AROUND = np.loadtxt(
+    Path(__file__).parent / "data" / "eccentric-ring.csv", delimiter=",", comments="#", skiprows=3
+)
+"""Displacements of the hole of `eccentric_ring` by FE, every 15 degrees from its right end,
+relative to the place (1.6, 0).
 """
 
 
@@ -222,24 +138,12 @@ def eccentric_ring(spacing):
     displacement.
     """
     angles = np.deg2rad(15.0) * np.arange(len(AROUND))
-    probes = [
-        {"name": f"p{k}", "at": (0.3 + np.cos(angle), np.sin(angle))}
-        for k, angle in enumerate(angles)
-    ]
-    probes.append({"name": "support", "at": (1.6, 0.0)})
-    # Two places on the axis of symmetry, which the motion is measured from.
-    held = [
-        {"region": {"near": (1.6, 0.0)}, "name": "pin", **HELD},
-        {"region": {"near": (-1.4, 0.0)}, "name": "rest", "x2": 0.0},
-    ]
-    loads = [{"region": "holes", "pressure": 0.15, "thickness": "undeformed"}]
-    for name, force in (("farthest point", ENERGY), ("farthest point, bond forces", "analytic")):
-        _, level, count = ran(
-            force, spacing=spacing, loads=loads, prescribed=held, probes=probes, **ECCENTRIC
-        )
-        moved = np.array([level["probes"][probe["name"]]["displacement"] for probe in probes])[
-            :, :2
-        ]
+    places = [(0.3 + np.cos(angle), np.sin(angle)) for angle in angles]
+    probes = [{"name": f"p{k}", "at": place} for k, place in enumerate([*places, (1.6, 0.0)])]
+    changes = {"spacing": spacing, "probes": probes}
+    for name, force in (("farthest point", ENERGY), ("farthest point, bond forces", BONDS)):
+        _, level, count = ran("eccentric-ring", changes, force)
+        moved = np.array([level["probes"][one["name"]]["displacement"][:2] for one in probes])
         off = np.linalg.norm(moved[:-1] - moved[-1] - AROUND, axis=1)
         yield name, 100 * float(off.max() / np.linalg.norm(AROUND, axis=1).max()), count
 
@@ -248,8 +152,8 @@ def disc(spacing):
     """FE: force 1.17143 and displacement 0.04748 of the edge beside the disc; last change 0.001
     and 0.06 %.
     """
-    for force, suffix in ((ENERGY, ""), ("analytic", ", bond forces")):
-        _, level, count = solved(scene_of("stiff-disc", {"spacing": spacing}), force)
+    for force, suffix in ((ENERGY, ""), (BONDS, ", bond forces")):
+        _, level, count = ran("stiff-disc", {"spacing": spacing}, force)
         yield f"force{suffix}", percent(level["nominal_stress"], 1.17143), count
         yield f"edge{suffix}", percent(level["probes"]["edge"]["displacement"][1], -0.04748), count
 
@@ -329,26 +233,9 @@ def edges(plane, spacing):
     """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P
     of the ring: the radial equation.
     """
-    # The ring stays where it is by the symmetry of its points; these supports carry nothing.
-    supports = {
-        "east": ((1.5, 0.0), "x2"),
-        "west": ((-1.5, 0.0), "x2"),
-        "north": ((0.0, 1.5), "x1"),
-        "south": ((0.0, -1.5), "x1"),
-    }
-    held = [
-        {"region": {"near": place}, "name": name, component: 0.0}
-        for name, (place, component) in supports.items()
-    ]
     # In plane strain the thickness does not change.
-    loads = [
-        {
-            "region": "holes",
-            "pressure": 0.3,
-            **({"thickness": "undeformed"} if plane == "stress" else {}),
-        }
-    ]
-    result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING)
+    thickness = {"loads.0.thickness": "undeformed"} if plane == "stress" else {}
+    result, _, count = ran("pressed-ring", {"spacing": spacing, "plane": plane} | thickness)
     places, fields = result.body.points, result.states[-1][1]
     radius = np.linalg.norm(places, axis=1)
     axes = np.zeros((len(places), 3, 3))

@@ -170,14 +170,11 @@ def foretold(model):
 ENERGY = "`EnergyRegressor`"
 
 if __name__ == "__main__":
-    errors = "conversion error: .2g", "largest jump: .2g", "force error: .2g", "least slope: .3f"
-    columns = "regressor", "fit (s): .1f", "stored as", *errors, "stress error at stretch 2: .2g"
     laws = [name for name in fitted_laws() if name != "full-network"]
-    widths = "features and width", "1 - R² on the held-out folds: .1e"
-    brought, features = [(name,) for name in regressors()], [("isochoric",), ("symmetric",)]
+    brought, features = regressors(), ["isochoric", "symmetric"]
     report(
         __doc__,
-        of_rows("own-regressors", compared, brought, *columns, "cost (ns): .0f"),
-        of_rows("own-search", search, features, *widths),
-        of_rows("own-data", foretold, [(ENERGY,), *zip(laws)], "model, fitted to", *PARTS),
+        of_rows("own-regressors", compared, brought),
+        of_rows("own-search", search, features),
+        of_rows("own-data", foretold, [ENERGY, *laws]),
     )

@@ -98,12 +98,8 @@ CASES = [
 LAWS = [(law, noise) for law in ("GT", "CA") for noise in (3e-4, 3e-3)]
 
 if __name__ == "__main__":
-    judged = "within two standard errors (%): .0f", "lack of fit: .2f"
-    heads = "measurements", "μ (kPa)", "chain limit", "stresses off, rms (%): .2f"
-    modes = (f"{mode}, rms (%): .2f" for mode in (*MODES, "all"))
-    terms = "law", "noise (cm): g", "terms"
     report(
         __doc__,
-        of_rows("calibration", calibrated, CASES, *heads, *judged),
-        of_rows("energies", without_a_law, LAWS, *terms, *modes, *judged, "processor s: .0f"),
+        of_rows("calibration", calibrated, CASES),
+        of_rows("energies", without_a_law, LAWS),
     )

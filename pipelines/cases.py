@@ -6,8 +6,11 @@ one, and from there into the blocks of the pages of docs/validation.
 """
 
 import argparse
+import fcntl
 import json
+import os
 import time
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +23,18 @@ from pages import FIGURES, markdown_table, replace_block, rounded, shown
 import pdsurrogate as pds
 from pdsurrogate.results.files import write_json
 from pdsurrogate.run.tearing import Tearing
+
+DATA = Path(__file__).parent / "data"
+LISTED = tomllib.loads((DATA / "cases.toml").read_text("utf-8"))
+"""Cases of scripts, and texts of theirs, by name."""
+HEADS = tomllib.loads((DATA / "heads.toml").read_text("utf-8"))
+"""Heads of tables by the names of their blocks."""
+
+
+def listed(name):
+    """Cases of a name, as their parameters."""
+    return [tuple(case) for case in LISTED[name]]
+
 
 Figures = Mapping[str, list]
 """Rows by the names of their cases."""
@@ -49,23 +64,26 @@ def rows_of(figures):
     return [row for rows in figures.values() for row in rows]
 
 
-def of_rows(name, measure, cases, *columns, rows=rows_of):
-    """A study of one table: `measure` takes the parameters of a case and gives its rows, and
-    `columns` are titles, with a format after a colon. The name of a case has its
-    texts and numbers. `rows` gives those of the table of all figures, if these are others.
+def of_rows(name, measure, cases=((),), rows=rows_of, head=None):
+    """A study of one table: `measure` takes the parameters of a case, or its only one, and gives
+    its rows. The name of a case has its texts and numbers. `rows` gives those of the table of all
+    figures, and `head` its head, if these are others than all and that of the name.
     """
+    several = (case if isinstance(case, tuple) else (case,) for case in cases)
     named = {
         ", ".join(str(one) for one in case if isinstance(one, str | int | float)): partial(
             measure, *case
         )
-        for case in cases
+        for case in several
     }
-    return Study(name, named, {name: table_of(rows, *columns)})
+    return Study(name, named, {name: table_of(rows, head or HEADS[name])})
 
 
-def table_of(rows, *columns):
-    """A function of all figures that makes the table of rows, which `rows` gives of them."""
-    titles, _, forms = zip(*(column.partition(": ") for column in columns), strict=True)
+def table_of(rows, head):
+    """A function of all figures that makes the table of rows, which `rows` gives of them; its head
+    has titles, with a format after a colon.
+    """
+    titles, _, forms = zip(*(column.partition(": ") for column in head), strict=True)
     return lambda figures: markdown_table(
         list(titles), [list(map(shown, row, forms)) for row in rows(figures)]
     )
@@ -92,18 +110,21 @@ def report(told, *studies):
     arguments = parser.parse_args()
     words = arguments.words or [""] * (arguments.lacking or not arguments.docs)
     for study in studies:
-        known = stored(study.name) if arguments.lacking else {}
+        found = stored(study.name)
+        known = found if arguments.lacking else {}
         for case in study.cases:
             name = f"{study.name}: {case}"
             wanted = any(all(part in name for part in word.split()) for word in words)
             if wanted and not known.get(case):
-                measure(study, case)
+                measure(study, case, dropped=found.keys() - study.cases.keys())
         if arguments.docs:
             write_tables(study)
 
 
-def measure(study, case):
-    """Measure a case, print and store its figures; those of a case that fails stay as they are."""
+def measure(study, case, dropped=()):
+    """Measure a case, print and store its figures; those of a case that fails stay as they are.
+    Cases that others have added meanwhile stay too, and those that are `dropped` go.
+    """
     name, began = f"{study.name}: {case}", time.perf_counter()
     try:
         rows = rounded(list(study.cases[case]()))
@@ -111,9 +132,21 @@ def measure(study, case):
         print(f"{name}: {failure}", flush=True)
         return
     print(f"{name}: {rows}, {time.perf_counter() - began:.0f} s", flush=True)
-    known = stored(study.name) | {case: rows}
-    found = {case: known[case] for case in study.cases if case in known}
-    write_json(FIGURES / f"{study.name}.json", found)
+    with alone():
+        known = stored(study.name) | {case: rows}
+        names = [name for name in {**study.cases, **known} if name in known.keys() - dropped]
+        write_json(FIGURES / f"{study.name}.json", {name: known[name] for name in names})
+
+
+@contextmanager
+def alone():
+    """Context in which no other process stores figures."""
+    folder = os.open(FIGURES, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
 
 
 def write_tables(study):
@@ -138,7 +171,7 @@ def ending_at(bonds):
 
 def scene_of(name, changes):
     """A scene file of the pipelines, with changes by dotted keys."""
-    return pds.load_scene(Path(__file__).parent / "data" / f"{name}.toml", changes)
+    return pds.load_scene(DATA / f"{name}.toml", changes)
 
 
 @contextmanager

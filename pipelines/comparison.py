@@ -128,23 +128,7 @@ def compared(name, precision):
     yield f"{name}, {precision}", *cost.values(), *errors_of(model, precision), *scene
 
 
-STUDY = of_rows(
-    "speed",
-    compared,
-    CASES,
-    "model",
-    "1 thread (ns): .2f",
-    "all threads (ns): .2f",
-    "RMS, plane stress: .0e",
-    "RMS, other states: .0e",
-    "greatest, plane stress: .0e",
-    "greatest, other states: .0e",
-    "least slope: .2f",
-    "stress, 6.2 (%): .2g",
-    "displacement, 6.2 (%): .2g",
-    "evaluations, 6.2",
-    "time, 6.2 (s): .2f",
-)
+STUDY = of_rows("speed", compared, CASES)
 
 
 def drawn(figures):

@@ -10,7 +10,7 @@ On one core of 2 GHz all parts take some 25 minutes, 18 of them the trouser tear
 from functools import cache
 
 import numpy as np
-from cases import of_rows, percent, plane_strain_modulus, report, scene_of
+from cases import listed, of_rows, percent, plane_strain_modulus, report, scene_of
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -106,13 +106,7 @@ def trousers(*tear):
     yield ratio, spacing, critical, *figures, *size
 
 
-TEARS = [
-    (2.2, 2 / 3, 2.3947, 32.0, 12.0, 28.0, 1.0, 21.0),
-    (2.2, 0.5, 2.6669, 28.0, 12.0, 25.0, 1.2, 21.0),
-    (2.2, 2 / 3, 2.0, 32.0, 11.0, 23.0, 1.0, 18.0),
-    (1.75, 2 / 3, 2.53, 40.0, 16.0, 34.0, 0.8, 21.0),
-    (1.75, 0.5, 2.807, 32.0, 17.0, 27.0, 0.8, 21.0),
-]
+TEARS = listed("trousers")
 """Horizon and spacing, critical stretch, length of the strip, travels of the legs between which it
 is torn, their speed (mm/ms), and the travel from which on the force is averaged: the legs are
 straight, and the tear goes on.
@@ -143,32 +137,12 @@ NOTCHES = [("stress", 100.0), ("strain", 20.0)]
 PLATES = [("stress", 2.0, 10), ("stress", 2.0, 20), ("strain", 20.0, 10), ("strain", 20.0, 20)]
 
 if __name__ == "__main__":
-    errors = "stretch 1.3 (%): +.2f", "stretch 2 (%): +.2f"
-    against, difference = ("stretch: g", "G (μ cm): .4f"), "against differences of the energy (%)"
-    tears = "travel (mm)", "length of the tear and its cut (mm)", "mean G (N/mm): .2f"
-    torn_by = "horizon (spacings): g", "spacing (mm): .3g", "critical stretch: g"
-    found = (
-        "force (N): .3f",
-        "2 F λ/h - w (N/mm): .3f",
-        "d / δ: .2f",
-        "largest distance from the plane of the cut (mm): .2f",
-        "energy error (%): +.2f",
-    )
-    opened = (
-        "force / force without the crack: .4f",
-        "volume / Sneddon: .3f",
-        "volume / finite elements: .3f",
-        "increase of the radius (spacings): +.2f",
-    )
-    formulas = "deviation of one output (N/mm): .2f", "2 F λ/h - w (N/mm): .2f"
     report(
         __doc__,
-        of_rows("rate-strip", strip, [(20,), (40,), (80,)], "points across the strip", *errors),
-        of_rows(
-            "rate-plate", plate, PLATES, "plate", "points in half the crack", "error (%): +.2f"
-        ),
-        of_rows("rate-notch", notch, NOTCHES, "sheet", *against, f"error {difference}: +.2f"),
-        of_rows("rate-trousers", along_the_tear, [()], *tears, *formulas),
-        of_rows("trousers", trousers, TEARS, *torn_by, *found, "points", "steps"),
-        of_rows("penny", penny, [(10,), (15,), (20,)], "spacing (cm): .3g", *opened),
+        of_rows("rate-strip", strip, (20, 40, 80)),
+        of_rows("rate-plate", plate, PLATES),
+        of_rows("rate-notch", notch, NOTCHES),
+        of_rows("rate-trousers", along_the_tear),
+        of_rows("trousers", trousers, TEARS),
+        of_rows("penny", penny, (10, 15, 20)),
     )

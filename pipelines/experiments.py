@@ -212,20 +212,8 @@ def notches():
 FITS = [(name, spacing) for spacing in SPACINGS for name in ("energy", "Ogden's law")]
 
 if __name__ == "__main__":
-    errors = "RMSE: .3f", "largest error: +.2f", "grip (mm): .1f", "processor time (s): .0f"
-    columns = "learnt from the tests", "spacing (mm): g", "points", *errors
-    notched_columns = (
-        "notches (mm)",
-        "rms error of the force before the tear (% of the peak): .1f",
-        "G at the force of the peak (N/mm): .2f",
-        "G at the stroke of the peak (N/mm): .2f",
-        "peak, measured (N): .2f",
-        "simulated (N): .2f",
-        "stroke at the peak, measured (mm): .1f",
-        "simulated (mm): .1f",
-    )
     report(
         __doc__,
-        of_rows("experiments", predicted, FITS, *columns),
-        of_rows("notched-sheets", notches, [()], *notched_columns),
+        of_rows("experiments", predicted, FITS),
+        of_rows("notched-sheets", notches),
     )

@@ -14,7 +14,7 @@ from functools import partial
 from itertools import pairwise, permutations
 
 import numpy as np
-from cases import Study, report
+from cases import LISTED, Study, report
 from pages import markdown_table
 from scipy.integrate import fixed_quad
 from scipy.linalg import block_diag
@@ -35,36 +35,7 @@ from pdsurrogate.testing.checks import subject_of
 from pdsurrogate.testing.properties import DoesNotApply, required
 from pdsurrogate.testing.subject import Subject, forces_at, mean_stress_at
 
-WEAKNESSES = {
-    "zero-energy modes": (
-        "points move almost freely against their neighbors: the force uses only deformation"
-        " gradients (paper, Eq. (10))"
-    ),
-    "not conservative": (
-        "the force has no energy, so undamped motion can gain energy; add damping, or use an energy"
-        " model"
-    ),
-    "weights do not add up": (
-        "the weights (paper, Eq. (13)) do not add up to the volume of the horizon: mean stresses"
-        " have an error of 6 %"
-    ),
-    "no transverse stress": (
-        "the paper's features do not give T_mm; the scalar correction leaves errors of several"
-        " percent at edges"
-    ),
-    "loses stability": (
-        "the body does not resist some displacement from a homogeneous state in which the material"
-        " is stable"
-    ),
-    "stiff contrasts": (
-        "soft points near much stiffer ones become too stiff; use an energy model, or material ="
-        " 'rigid'"
-    ),
-    "does not converge": (
-        "the solver found no equilibrium within the allowed number of force evaluations"
-    ),
-    "accuracy": "the error is larger than the limit",
-}
+WEAKNESSES = LISTED["weaknesses"]
 """Explanations of the weaknesses that a hard case can show, by their names."""
 
 

@@ -53,7 +53,7 @@ def errors(data, names, *parts):
     """A fit to the curves whose names lack the given parts; branches in words, and errors by name:
     fitted ones and those kept back.
     """
-    left = np.array([any(part in name for part in parts) for name in names])
+    left = lacking(names, parts)
     model = pds.identification.HistoryRegressor().fit_tests(data.where(~left[data.curve]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", pds.forces.OutsideDomainWarning)
@@ -93,13 +93,45 @@ def scatter(stretch, rate):
     yield stretch, rate, found, 100 * (max(found) - min(found)) / float(np.mean(found))
 
 
+FALLING = [
+    *(("VHB 4910", "", *parts) for parts in CASES),
+    *(("VHB 4905", f"{one} C", "4.0 at 0.05") for one in (0, 40, 80)),
+    *(("VHB 4905", f"{one} C", "4.0 at 0.1") for one in (0, 40, 80)),
+]
+"""Material, of its curves those that begin with a text, and what is kept back of them, for fits
+with times that fall with the overstress and with constant ones.
+"""
+
+
+def lacking(names, parts):
+    """Which names have one of the parts."""
+    return np.array([any(part in name for part in parts) for name in names])
+
+
+def with_falling_times(material, of, *parts):
+    """RMS errors of curves that are fitted and kept back, with constant and with falling times."""
+    data, names = cycles(material, of)
+    X, y, left_out = data.histories(), data.nominal_stress, lacking(names, parts)
+    numbers, known = np.unique(data.curve), ~left_out[data.curve]
+    fitted, kept_back = [], []
+    for falling in (False, True):
+        model = pds.identification.HistoryRegressor("energy", 2, falling_times=falling)
+        off = model.fit(X[known], y[known]).predict(X) - y
+        curves = [data.curve == one for one in numbers]
+        rms = [100 * np.sqrt((off[rows] ** 2).mean()) / np.abs(y[rows]).max() for rows in curves]
+        kept = left_out[numbers]
+        fitted.append(float(np.sqrt((np.array(rms)[~kept] ** 2).mean())))
+        kept_back.append(np.array(rms)[kept].tolist())
+    numbers = dict(zip(model.parameter_names_, model.parameters_, strict=True))
+    powers = [value for name, value in numbers.items() if name.startswith("time_power")]
+    yield f"{material} {of}".strip(), ", ".join(parts), *fitted, *kept_back, powers
+
+
 if __name__ == "__main__":
-    columns = "kept back", "branches (MPa)", "least: .1f", "greatest: .1f", "kept back (%)"
-    titles = "temperature", "kept back", "branches (MPa)", "greatest: .1f", "kept back (%): .1f"
-    repeated = "stretch: g", "rate (1/s): g", "stresses (kPa): .1f", "spread (%): .1f"
     report(
         __doc__,
-        of_rows("histories", kept_back, CASES, *columns),
-        of_rows("histories-scatter", scatter, REPEATED, *repeated),
-        of_rows("histories-4905", by_temperature, TEMPERATURES, *titles),
+        of_rows("histories", kept_back, CASES),
+        of_rows("histories-scatter", scatter, REPEATED),
+        of_rows("histories-4905", by_temperature, TEMPERATURES),
+        of_rows("nonlinear-branches", with_falling_times, FALLING),
     )

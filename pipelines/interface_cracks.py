@@ -10,7 +10,7 @@ strip there, by the laws alone.
 """
 
 import scipy
-from cases import ending_at, of_rows, report, rows_of, scene_of
+from cases import ending_at, listed, of_rows, report, rows_of, scene_of
 from tip_diameters import PAST_PEAK, bonds_a_spacing
 
 import pdsurrogate as pds
@@ -25,16 +25,10 @@ stretch of that of different ones.
 BULK = 20.0
 """Bulk modulus over shear modulus of every layer."""
 
-EQUAL = [
-    ("bond-energy", 2.2, 16),
-    ("bond-energy", 2.2, 20),
-    ("bond-energy", 3.15, 16),
-    ("bond-energy", 3.15, 20),
-    ("neo-hookean", 3.15, 20),
-]
+EQUAL = listed("equal layers")
 """Force model, horizon in spacings, and rows of points, of the tears between equal layers."""
 
-DIFFERENT = [(1.0, 16), (1.0, 20), (3.0, 16), (3.0, 20), (10.0, 16)]
+DIFFERENT = listed("different layers")
 """Ratio of the moduli of the layers, and rows of points, of the tears between different layers,
 at a horizon of 2.2 spacings.
 """
@@ -102,11 +96,8 @@ def beside(figures):
 
 
 if __name__ == "__main__":
-    found, gap = ("rows", "G at the peak (μ h): .3f"), "energy error (%): +.2f"
-    columns = "force", "horizon (spacings): g", *found, "G / prescribed: .2f", gap
-    others = "upper layer (μ): g", *found, "G / within: .2f", gap
     report(
         __doc__,
-        of_rows("interface-equal", equal, EQUAL, *columns),
-        of_rows("interface-different", different, DIFFERENT, *others, rows=beside),
+        of_rows("interface-equal", equal, EQUAL),
+        of_rows("interface-different", different, DIFFERENT, rows=beside),
     )

@@ -11,7 +11,18 @@ import time
 
 import numpy as np
 import scipy
-from cases import CLAMPS, ROLLERS, drawing, ending_at, of_rows, percent, report, rows_of, stored
+from cases import (
+    CLAMPS,
+    ROLLERS,
+    drawing,
+    ending_at,
+    listed,
+    of_rows,
+    percent,
+    report,
+    rows_of,
+    stored,
+)
 
 import pdsurrogate as pds
 from pdsurrogate.materials import PLANES, homogeneous
@@ -152,15 +163,7 @@ def cantilever(height, spacing, **fracture):
     yield result(height, spacing, summary, math.exp(rate + part * slope[1]))
 
 
-GRIFFITH = [
-    ("pure shear", 5.3, 0.1325),
-    ("pure shear, no strength", 5.3, 0.1325),
-    ("pure shear", 5.3, 0.06625),
-    ("pure shear, no strength", 5.3, 0.06625),
-    ("double cantilever", 6.0, 0.13),
-    ("double cantilever, no strength", 6.0, 0.13),
-    ("double cantilever", 6.0, 0.0666),
-]
+GRIFFITH = listed("griffith")
 """Name, height and spacing of tests of long cuts."""
 
 
@@ -313,52 +316,15 @@ def draw(axes):
 
 
 if __name__ == "__main__":
-    gap = "energy error (%): +.2f"
-    first_by, spacing = "first bond by", "spacing: g"
-    errors = "error (%): +.1f"
+    pulled = [(state, one, 2) for state in ("uniaxial", "equibiaxial") for one in (0.1, 0.05)]
+    pulled += [(state, 0.125, 3) for state in UNIFORM]
     report(
         __doc__,
-        of_rows(
-            "circles-uniform",
-            uniform,
-            [(state, one, 2) for state in ("uniaxial", "equibiaxial") for one in (0.1, 0.05)]
-            + [(state, 0.125, 3) for state in UNIFORM],
-            *("state", "dimension: d", spacing, first_by),
-            *("nominal stress at break: .4f", "strength: .4f", errors),
-        ),
-        of_rows(
-            "circles-griffith",
-            griffith,
-            GRIFFITH,
-            *("test", "height: g", spacing, first_by, "G: .4f", errors, gap),
-        ),
-        of_rows(
-            "circles-cost",
-            cost,
-            [(5, 0.1325)],
-            *("test", spacing, "turns: d", "least: .2f", "median: .2f", "greatest: .2f"),
-        ),
-        of_rows(
-            "circles-fields",
-            fields,
-            [
-                ("chip", 10.0, 1.0, 0.1),
-                ("chip", 10.0, 1.0, 0.05),
-                ("rod", 1.5, 0.8, 0.125),
-                ("rod", 3.0, 0.8, 0.125),
-            ],
-            *("test", spacing, first_by, "place: .2f", "at the first break: .4f"),
-            *("where the surface is reached: .4f", errors, gap),
-        ),
-        of_rows(
-            "circles-notch",
-            notched,
-            [("stress", one, 0.055 if one < 0.2 else 0.11) for one in (0.11, 0.33, 1.1, 3.3)]
-            + [("stress", 11.0, 0.125)]
-            + [("strain", 1.65, 0.11), ("strain, no strength", 1.65, 0.11)],
-            *("plane", "cut (l_c): .2f", spacing, first_by, "nominal stress at the peak: .4f"),
-            *("Griffith: .4f", "strength of the ligament: .4f", gap),
-        ),
+        of_rows("circles-uniform", uniform, pulled),
+        of_rows("circles-griffith", griffith, GRIFFITH),
+        of_rows("circles-cost", cost, [(5, 0.1325)]),
+        of_rows("circles-fields", fields, listed("circles")),
+        of_rows("circles-notch", notched, listed("notched circles")),
     )
     with drawing("nine-circles", (4.5, 3.2)) as axes:
         draw(axes)

@@ -12,11 +12,10 @@ the free side with the plate, and of the free side with the plane of the bonded 
 """
 
 import tomllib
-from dataclasses import replace
 
 import matplotlib
 import numpy as np
-from cases import of_rows, percent, plane_strain_modulus, report, scene_of
+from cases import Study, of_rows, percent, plane_strain_modulus, report, scene_of
 from matplotlib.figure import Figure
 from pages import DOCS, FIGURES
 from tutorials import blocks_of
@@ -95,23 +94,10 @@ def seal():
 
 
 if __name__ == "__main__":
-    force, depth = ("force: .4f", "error of the force (%): +.2f"), "penetration / spacing: .1e"
-    width = "error of the contact width (%): +.2f"
-    radius = "cells in the radius of contact", "force: .4f", "Hertz: .4f", "Hertz, layer: .4f"
-    spacings, cells = [(0.1,), (0.05,), (0.025,)], [(2,), (3,), (4,)]
-    errors = "error (%): +.1f", "area / Hertz's: .2f"
+    spacings, cells = (0.1, 0.05, 0.025), (2, 3, 4)
     report(
         __doc__,
-        of_rows(
-            "pressed-block",
-            pressed_block,
-            spacings,
-            "spacing: g",
-            *force,
-            width,
-            depth,
-            "evaluations",
-        ),
-        of_rows("indented", indented, cells, *radius, *errors, depth),
-        replace(of_rows("seal", seal, [()], "scene", "points"), tables={}),
+        of_rows("pressed-block", pressed_block, spacings),
+        of_rows("indented", indented, cells),
+        Study("seal", {"": seal}, {}),
     )

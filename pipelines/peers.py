@@ -20,8 +20,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from datetime import date
-from importlib import import_module
 from pathlib import Path
 from statistics import median
 
@@ -34,14 +34,9 @@ PEERS = ROOT / "pipelines" / "peers"
 STORE = FIGURES / "peers.json"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "pdsurrogate-peers"
 
-sys.path.insert(0, str(PEERS))
-MODULES = [import_module(path.stem) for path in sorted(PEERS.glob("*.py"))]
-CASES = {name: (module, case) for module in MODULES for name, case in module.CASES.items()}
-ENVIRONMENTS = {
-    "pdsurrogate": sys.executable,
-    "debian": "/usr/bin/python3",
-    **{name: place for module in MODULES for name, place in module.ENVIRONMENTS.items()},
-}
+TOLD = tomllib.loads((ROOT / "pipelines" / "data" / "peers.toml").read_text("utf-8"))
+CASES = TOLD["cases"]
+ENVIRONMENTS = {"pdsurrogate": sys.executable, "debian": "/usr/bin/python3", **TOLD["environments"]}
 """Interpreters; or what pip installs for one, after the name of a Python unless it is this one."""
 
 SPENT = {"processor time (s)": ".1f", "wall time (s)": ".1f", "memory (MB)": ".0f"}
@@ -70,14 +65,12 @@ def interpreter(name):
     return str(python)
 
 
-def figures_of(module, row, setting):
+def figures_of(file, row, setting):
     """What a process of a row prints, and what it costs."""
     _, environment, function, _ = row
     setting = dict(setting)
     threads = str(setting.pop("threads", 1))
-    code = (
-        f"import json\nfrom {module} import {function}\nprint(json.dumps({function}(**{setting})))"
-    )
+    code = f"import json\nfrom {file} import {function}\nprint(json.dumps({function}(**{setting})))"
     limited = {
         f"{library}_NUM_THREADS": threads for library in ("OMP", "NUMBA", "MKL", "OPENBLAS", "CCX")
     }
@@ -90,16 +83,16 @@ def figures_of(module, row, setting):
         return spent(folder, "-c", code, python=python, PYTHONPATH=":".join(seen), **limited)
 
 
-def compared(name, module, case, turns):
+def compared(name, case, turns):
     """Figures of the rows of a case by label, medians of so many turns."""
-    found, ready = {}, []
+    found, ready, bounds = {}, [], case.get("within", {})
     for row in case["rows"]:
         label, *_, settings = row
         try:
             for setting in settings:
-                found[label] = figures_of(module, row, setting)
+                found[label] = figures_of(case["file"], row, setting)
                 print(f"{name}, {label}, {setting}: {rounded(found[label])}", flush=True)
-                if "good" not in case or case["good"](found[label]):
+                if all(abs(found[label][key]) < most for key, most in bounds.items()):
                     break
             ready.append((row, setting, [found[label]]))
         except NotRun as failure:
@@ -107,7 +100,7 @@ def compared(name, module, case, turns):
             print(f"{name}, {label}: left out, {failure}", flush=True)
     for _ in range(turns - 1):
         for row, setting, of_turns in ready:
-            of_turns.append(figures_of(module, row, setting))
+            of_turns.append(figures_of(case["file"], row, setting))
     for (label, *_), _, of_turns in ready:
         for key, value in found[label].items():
             if not isinstance(value, str):
@@ -137,9 +130,9 @@ def stored():
 def blocks(known):
     """Texts of the blocks of the page."""
     days = sorted({case["day"] for case in known.values()})
-    places = [ENVIRONMENTS[row[1]] for name in known for row in CASES[name][1]["rows"]]
+    places = [ENVIRONMENTS[row[1]] for name in known for row in CASES[name]["rows"]]
     versions = {one for place in places if not isinstance(place, str) for one in place}
-    found = {f"peers-{name}": table(CASES[name][1], case["rows"]) for name, case in known.items()}
+    found = {f"peers-{name}": table(CASES[name], case["rows"]) for name, case in known.items()}
     machines = ", ".join(sorted({case["machine"] for case in known.values()}))
     found["peers-machine"] = f"{machines}; {' to '.join(days)}; {', '.join(sorted(versions))}."
     return found
@@ -161,12 +154,12 @@ def main():
     parser.add_argument("--docs", action="store_true", help="write the tables of stored figures")
     parser.add_argument("--tables", action="store_true", help="--docs, and measure nothing")
     options = parser.parse_args()
-    for name, (module, case) in CASES.items():
+    for name, case in CASES.items():
         wanted = not options.words or any(word in name for word in options.words)
         if options.tables or not wanted or (options.quick and case.get("long")):
             continue
         turns = 1 if options.quick or case.get("once") else 3
-        rows = compared(name, module.__name__, case, turns)
+        rows = compared(name, case, turns)
         if not options.quick:
             known = stored() | {
                 name: {"day": str(date.today()), "machine": machine(), "rows": rows}

@@ -52,20 +52,7 @@ def torn(time, stretch_rate):
 
 def main():
     """Measure, and draw what is stored."""
-    study = of_rows(
-        "rate-tears",
-        torn,
-        [(time, 0.005) for time in TIMES],
-        "τ: g",
-        "speed: .3f",
-        "speed · τ / δ: .2g",
-        "stretch at the greatest force: .3f",
-        "G: .4f",
-        "bonds: .4f",
-        "branch: .4f",
-        "viscosity: .4f",
-        "gap of the account (%): .2f",
-    )
+    study = of_rows("rate-tears", torn, [(time, 0.005) for time in TIMES])
     report(__doc__, study)
     rows = np.array(rows_of(stored(study.name)))
     rows = rows[rows[:, 0] > 0]

@@ -12,6 +12,7 @@ torsion by 0.11 %). For the ring and the sphere they are the radial equation of 
 """
 
 import json
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -21,8 +22,10 @@ from cases import Case, at_spacings, percent, report, scene_of
 from scipy.interpolate import RegularGridInterpolator
 
 import pdsurrogate as pds
+from pdsurrogate.scenes.reading import leaves
 
-DATA = json.loads((Path(__file__).parent / "data" / "solid_fields.json").read_text())
+FOLDER = Path(__file__).parent / "data"
+DATA = json.loads((FOLDER / "solid_fields.json").read_text())
 
 
 @cache
@@ -39,148 +42,36 @@ def ran(scene, changes, spacing, force):
         return error.result
 
 
-def loaded(
-    scene,
-    level,
-    measures,
-    changes=None,
-    force=None,
-    spacings=(0.08, 0.04, 0.02667, 0.02),
-):
-    """A built-in scene, of which quantities at one output are read: by name, a function of the
-    output and its value by the reference.
+def loaded(scene, level, expected, changes=None, force=None, spacings=(0.08, 0.04, 0.02667, 0.02)):
+    """A built-in scene, of which quantities at one output are read: by name, their places in the
+    output and their values by the reference.
     """
 
     def measure(spacing):
         result = ran(scene, json.dumps(changes or {}), spacing, force)
         if level < len(result.levels):
-            for name, (read, reference) in measures.items():
-                yield (
-                    name,
-                    percent(read(result.levels[level]), reference),
-                    result.summary["n_force_evaluations"],
-                )
+            found = numbers_of(result.levels[level])
+            for name, (place, value) in expected.items():
+                yield name, percent(found[place], value), result.summary["n_force_evaluations"]
 
-    return Case(measure, spacings)
+    return Case(measure, tuple(spacings))
 
 
-def radial(*names):
-    """Mean radial displacement of probes on a ring."""
+def numbers_of(level):
+    """Numbers of an output by dotted keys, with the mean radial displacements of a ring."""
+    found = dict(leaves(level))
+    for name in {"inner", "outer"} & level.get("probes", {}).keys():
+        along, diagonal = (
+            level["probes"][probe]["displacement"] for probe in (name, f"{name}-diagonal")
+        )
+        found[name] = (along[0] + (diagonal[0] + diagonal[1]) / np.sqrt(2)) / 2
+    return found
 
-    def measure(level):
-        found = []
-        for name in names:
-            angle = np.pi / 4 if name.endswith("diagonal") else 0.0
-            found.append(
-                np.dot(level["probes"][name]["displacement"], [np.cos(angle), np.sin(angle)])
-            )
-        return float(np.mean(found))
-
-    return measure
-
-
-def moved(probe, axis):
-    """Displacement of a probe along an axis."""
-    return lambda level: level["probes"][probe]["displacement"][axis]
-
-
-def force(region, axis):
-    """Force on a region along an axis."""
-    return lambda level: level["forces"][region][axis]
-
-
-INNER, OUTER = radial("inner", "inner-diagonal"), radial("outer", "outer-diagonal")
-
-
-def ring(level, inner, outer, **changes):
-    """The ring at one of its pressures."""
-    return loaded(
-        "ring-pressure",
-        level,
-        {"inner radius": (INNER, inner), "outer radius": (OUTER, outer)},
-        changes,
-    )
-
-
-HOLE = (0.04, 0.02667, 0.02, 0.01333)
-"""From 50 points a side on: with 25 the hole is less than four cells in radius, hardly more than a
-horizon, and two errors of opposite sign cancel along parts of its boundary.
-"""
-
-FOLLOWED = {
-    "steps": [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.5, 5.0)]
-}
-
-UNDEFORMED = {"loads.0.thickness": "undeformed"}
 
 LOADING = {
-    "ring, p = 0.1": ring(0, 0.0791810720304842, 0.0497205459671277),
-    "ring, p = 0.2": ring(1, 0.17570573731518957, 0.11259074746266551),
-    "ring, p = 0.3": ring(2, 0.29766196909141773, 0.19526067243562162),
-    **{
-        f"ring, inner boundary moved by {to}": loaded(
-            "ring-pressure",
-            level,
-            {"pressure": (lambda found: found["t"], pressure)},
-            FOLLOWED,
-            "bond-energy",
-            (0.1, 0.05, 0.02),
-        )
-        for level, (to, pressure) in enumerate(
-            {1.0: 0.5816745356708811, 3.5: 0.7164287438005016, 5.0: 0.7039650505025816}.items()
-        )
-    },
-    "ring, undeformed thickness, p = 0.3": ring(
-        2, 0.312205280106131, 0.2053426967496, **UNDEFORMED
-    ),
-    "ring, plane strain, p = 0.1": ring(
-        0, 0.07372065726592725, 0.03813612020337542, plane="strain"
-    ),
-    "ring, plane strain, p = 0.2": ring(1, 0.1650460507436997, 0.08803956655629719, plane="strain"),
-    "ring, plane strain, p = 0.3": ring(2, 0.2829626849976654, 0.15651257327381085, plane="strain"),
-    "biaxial hole (1.5, 1.5)": loaded(
-        "biaxial-hole",
-        0,
-        {
-            "stress": (force("right", 0), 2 * 1.1323729165387342),
-            "hole": (moved("hole-x1", 0), 0.43987790023302137),
-        },
-        spacings=HOLE,
-    ),
-    "biaxial hole (1.5, 1.2)": loaded(
-        "biaxial-hole",
-        1,
-        {
-            "stress 11": (force("right", 0), 2 * 1.0640606504741994),
-            "stress 22": (force("top", 1), 2 * 0.7505685245970383),
-            "hole along x1": (moved("hole-x1", 0), 0.40775422029908365),
-            "hole along x2": (moved("hole-x2", 1), 0.2323091066112491),
-        },
-        spacings=HOLE,
-    ),
-    "cantilever, q = 0.02": loaded(
-        "traction", 0, {"deflection": (moved("tip", 1), -0.2530964262855094)}
-    ),
-    "cantilever, q = 0.05": loaded(
-        "traction", 1, {"deflection": (moved("tip", 1), -0.6055554970222996)}
-    ),
-    "hanging, b = 0.3": loaded(
-        "hanging", 0, {"elongation": (moved("lower-end", 1), -0.5456434975204609)}
-    ),
-    "hanging, b = 0.65": loaded(
-        "hanging", 1, {"elongation": (moved("lower-end", 1), -1.4876044948678295)}
-    ),
-    "two materials": loaded(
-        "bimaterial",
-        0,
-        {
-            "stress": (force("right", 0), 1.4891826605531446),
-            "interface": (moved("interface", 0), 2.7048027829575614 - 1.5),
-        },
-        spacings=(0.1, 0.05, 0.03, 0.02),  # no points on the interface
-    ),
+    name: loaded(**case)
+    for name, case in tomllib.loads((FOLDER / "loading.toml").read_text("utf-8")).items()
 }
-
 
 EDGE = 3
 """Points at surfaces that are left out of the figures of the pressure, which is singular at

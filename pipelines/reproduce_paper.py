@@ -8,12 +8,11 @@ The paper is Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234. Pictures go 
 """
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
-from cases import Case, at_spacings, of_rows, percent, report
+from cases import Case, Study, at_spacings, listed, of_rows, percent, report
 from matplotlib.figure import Figure
 from pages import FIGURES
 
@@ -23,21 +22,7 @@ from pdsurrogate.results.figures import STYLE, colors_of, draw_cells, limits_of,
 FIELDS = json.loads((Path(__file__).parent / "data" / "fem_fields.json").read_text())
 
 HELD = "support=points"
-RUNS = [
-    ("analytic bond force", "analytic"),
-    ("surrogate, isochoric features (default)", "neo-hookean@2"),
-    ("surrogate, symmetric features (version 1)", "neo-hookean@1"),
-    ("surrogate of the energy", "neo-hookean-energy"),
-    (
-        "surrogate, the paper's features and options",
-        "neo-hookean-paper",
-        HELD,
-        "correction=scalar",
-        "outside=extrapolate",
-    ),
-    ("NOSB, held columns", "nosb", HELD),
-    ("surrogate, held columns", "neo-hookean", HELD),
-]
+RUNS = listed("uniaxial")
 """Titles with a force model and changes of the scene `uniaxial`: with the paper's options one held
 column of points at each end, the factor (24)-(25), and a network that is used wherever it is asked.
 """
@@ -221,35 +206,17 @@ def fields(component, number, panels):
 
 
 if __name__ == "__main__":
-    errors = "nominal stress, error (%): +.4f", "lateral displacement, error (%): +.4f"
-    values = (
-        "result: .5g",
-        "reference: .5g",
-        "error (%): +.3f",
-        "paper: g",
-        "paper's error (%): +.3f",
-    )
-    tears = (
-        "peak nominal stress (kPa): .4g",
-        "stretch at the peak: .4g",
-        "stretch at the first broken bond: .4g",
-        "critical stretch: .4g",
-        "largest distance of the crack from the line of the precut (cm): .2g",
-    )
-    reached = "side voids reached at stretch: .4g", "central void reached at stretch: .4g"
     report(
         __doc__,
-        of_rows("section-6.2", uniaxial, RUNS, "force", *errors, "roughness of u2: .1e"),
-        of_rows("section-6", compared, SECTIONS, "section", "quantity", *values),
+        of_rows("section-6.2", uniaxial, RUNS),
+        of_rows("section-6", compared, SECTIONS),
         of_rows(
             "restoring-force",
             restoring,
-            [(force,) for force in ("analytic", "neo-hookean", "ba-nosb", "nosb")],
-            "force",
-            "restoring force at half a spacing (μ/dx): .3g",
+            ["analytic", "neo-hookean", "ba-nosb", "nosb"],
         ),
-        of_rows("tear", torn, TEARS, "tear", *tears),
-        of_rows("voids", voids, [()], *reached, "peak nominal stress (kPa): .4g"),
+        of_rows("tear", torn, TEARS),
+        of_rows("voids", voids),
         at_spacings("convergence", {scene: converging(scene) for scene in CONVERGING}),
-        replace(of_rows("pictures", pictures, [()], "pictures"), tables={}),
+        Study("pictures", {"": pictures}, {}),
     )

@@ -181,34 +181,10 @@ TIMED = (2.0, 0.21, "quasi-static"), (3.5, 0.0642, *PROCESSES[:2])
 
 
 if __name__ == "__main__":
-    gap = "energy error (%): +.2f"
-    counts = (f"{what}, {how}" for what in ("bonds", "evaluations") for how in ("slow", "dynamics"))
-    ratio = "peak, slow tear: .4f", "peak, dynamics: .4f", "ratio: .3f"
-    slowly = "energy error, slow (%): +.2f"
-    variants = "variant", "peak: .4f", "change (%): +.2f", "bonds", "evaluations"
-    leg = "legs", "process", "critical stretch: .4f", "force (N): .3f", "G (N/mm): .3f"
     report(
         __doc__,
-        of_rows(
-            "slow-tears",
-            torn,
-            TEARS,
-            *("sheet", "points", "rate", *ratio, *counts, slowly),
-            rows=beside,
-        ),
-        of_rows(
-            "slow-tears-time",
-            timed,
-            TIMED,
-            *("points", "critical stretch", "process", "evaluations", "bonds"),
-            "processor time (s): .1f",
-        ),
-        of_rows(
-            "slow-tears-order",
-            varied,
-            product(SHEETS, (0, 1), VARIANTS),
-            *("sheet", "points", *variants),
-            rows=orders,
-        ),
-        of_rows("slow-tears-trousers", legs, TROUSERS, *leg, "evaluations", gap),
+        of_rows("slow-tears", torn, TEARS, rows=beside),
+        of_rows("slow-tears-time", timed, TIMED),
+        of_rows("slow-tears-order", varied, product(SHEETS, (0, 1), VARIANTS), rows=orders),
+        of_rows("slow-tears-trousers", legs, TROUSERS),
     )

@@ -18,6 +18,7 @@ from cases import (
     Study,
     drawing,
     ending_at,
+    listed,
     of_rows,
     percent,
     report,
@@ -35,52 +36,18 @@ WORK = homogeneous.uniaxial(LAW, BREAK).energy_density
 RADIUS = factor_of(LAW, BREAK, "stress") / np.pi
 """Radius of the discs."""
 
-UNCUT = [
-    ("bond-energy", "lattice", 2.2, 0.18),
-    ("bond-energy", "lattice", 2.2, 0.09),
-    ("bond-energy", "lattice", 2.2, 0.045),
-    ("bond-energy", "lattice", 3.0, 0.09),
-    ("bond-energy", "relaxed", 2.2, 0.18),
-    ("bond-energy", "relaxed", 2.2, 0.09),
-    ("bond-energy", "relaxed", 2.2, 0.045),
-    ("neo-hookean", "lattice", 2.2, 0.09),
-    ("analytic", "lattice", 2.2, 0.09),
-]
+UNCUT = listed("uncut sheets")
 """Force, arrangement of the points, horizon in spacings, and spacing of sheets without a cut."""
 
-CUTS = {
-    0.05: ((1.2, 1.2), 3.9, (1, 2, 4)),
-    0.1: ((1.6, 1.6), 3.8, (1, 2, 4)),
-    0.2: ((2.4, 2.4), 3.5, (1, 2, 4)),
-    0.5: ((5.0, 5.0), 2.7, (3, 5, 10)),
-    1.0: ((8.0, 8.0), 2.15, (6, 10, 16)),
-    2.0: ((12.0, 12.0), 1.75, (11, 14, 18)),
-    3.0: ((15.0, 15.0), 1.58, ()),
-    5.0: ((20.0, 20.0), 1.52, (28, 34, 40)),
-    7.0: ((20.0, 16.0), 1.5, ()),
-    10.0: ((24.0, 12.0), 1.55, ()),
-    14.0: ((30.0, 12.0), 1.62, ()),
-    20.0: ((36.0, 20.0), 1.5, (110, 130, 160)),
-}
+CUTS = {length: case for length, *case in listed("cuts")}
 """By length of an edge cut, sides of the sheet, stretch near the break, and columns of points that
 the cut separates, at several spacings.
 """
 
-HOLES = {
-    0.2: (3.2, 3.3, (0.1, 0.07, 0.05)),
-    0.5: (8.0, 2.7, (0.15, 0.1, 0.075)),
-    1.0: (16.0, 2.4, (0.18, 0.12, 0.09)),
-    2.0: (24.0, 2.2, (0.18, 0.12, 0.09)),
-    5.0: (30.0, 2.1, (0.18, 0.15, 0.12)),
-}
+HOLES = {radius: case for radius, *case in listed("holes")}
 """By radius of a hole, side of the sheet, stretch near the break, and spacings."""
 
-NOTCHES = {
-    0.1: (1.7, (0.1, 0.07, 0.05)),
-    0.3: (1.7, (0.15, 0.1, 0.075)),
-    1.0: (1.9, (0.18, 0.12, 0.09)),
-    3.0: (2.4, (0.18, 0.12, 0.09)),
-}
+NOTCHES = {radius: case for radius, *case in listed("notches")}
 """By radius of the round end of a notch, stretch near the break, and spacings."""
 DEEP, WIDE = 3.0, 12.0
 """Depth of the notches, and sides of their sheets."""
@@ -168,13 +135,7 @@ def references(kind, length):
     yield kind, length, *elements.onset(body, tip, levels, WORK, RADIUS, inside, cut)
 
 
-FACTORS = [
-    ("stress", "neo-hookean", 1e5),
-    ("stress", "neo-hookean", 20.0),
-    ("stress", "yeoh", 2000.0),
-    ("strain", "neo-hookean", 20.0),
-    ("strain", "yeoh", 20.0),
-]
+FACTORS = listed("factors")
 """Plane, law and bulk modulus over the shear modulus of factors."""
 BREAKS = (1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0)
 
@@ -324,59 +285,29 @@ def grade(row):
 
 
 if __name__ == "__main__":
-    columns = "force", "points", "horizon (spacings): g", "spacing (l_c): g", "R (spacings): .1f"
-    spacing, first, gap = "spacing (l_c): .3g", "first bond by", "energy error (%): +.2f"
-    found = first, "first bond: .3f", "peak: .3f"
-    others = "rule: .2f", "coupled criterion: .2f"
-    lengths = [(one,) for one in CUTS if one >= 1]
-    both = "peak: .3f", "without strength: .3f", "change (%): +.2f", "G / prescribed: .2f"
+    lengths = [one for one in CUTS if one >= 1]
     kinds = {"cut": CUTS, "hole": HOLES, "notch": NOTCHES}
     elementary = {
         f"{kind}, {one}": partial(references, kind, one)
         for kind, shapes in kinds.items()
         for one in shapes
     }
-    shear = "of pure shear: .3f", "over it: .3f"
-    head = {
-        "cut": ("cut (l_c): g", spacing, *found, "Griffith: .2f", *others, gap),
-        "hole": ("radius (l_c): g", spacing, *found, "edge: .2f", *others, gap),
-        "notch": ("radius (l_c): g", spacing, *found, "edge: .2f", *others, gap),
-    }
     report(
         __doc__,
-        of_rows("strength-uncut", uncut, UNCUT, *columns, first, "over break: .3f", gap),
-        of_rows(
-            "strength-clamped", clamped, [(0.18,), (0.09,), (0.06,)], spacing, first, *shear, gap
-        ),
-        of_rows(
-            "strength-factor",
-            factors,
-            FACTORS,
-            "plane",
-            "law",
-            "K / μ: g",
-            *(f"{one:g}: .3f" for one in BREAKS),
-            "off (%): +.1f",
-            rows=with_differences,
-        ),
+        of_rows("strength-uncut", uncut, UNCUT),
+        of_rows("strength-clamped", clamped, (0.18, 0.09, 0.06)),
+        of_rows("strength-factor", factors, FACTORS, rows=with_differences),
         Study("strength-references", elementary, {}),
-        of_rows(
-            "strength-acting",
-            acting,
-            [(3,), (5,)],
-            "rows that the cut separates",
-            "spacing (l_c): .3g",
-            "longer by (spacings): .2f",
-        ),
+        of_rows("strength-acting", acting, (3, 5)),
         *(
-            of_rows(name, one, spacings(kinds[kind]), *head[kind], rows=partial(beside, kind))
+            of_rows(name, one, spacings(kinds[kind]), rows=partial(beside, kind))
             for kind, name, one in (
                 ("cut", "strength-cuts", cut),
                 ("hole", "strength-holes", hole),
                 ("notch", "strength-notches", notch),
             )
         ),
-        of_rows("strength-long", compared, lengths, head["cut"][0], spacing, first, *both),
+        of_rows("strength-long", compared, lengths),
     )
     with drawing("strength-cuts", (6.4, 4.0), 120) as axes:
         draw(axes)

@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from cases import measure, of_rows, write_tables
+from cases import measure, of_rows, scene_of, write_tables
 from processes import NotRun, environment, spent
 
 import pdsurrogate as pds
@@ -498,7 +498,7 @@ def of_memory():
     """
     import tracemalloc
 
-    from clock import waved_block
+    from clock import spent_by, waved_block
 
     from pdsurrogate.engine.threads import thread_count
     from pdsurrogate.materials import Branch, Memory, NeoHookean, Softening
@@ -524,19 +524,17 @@ def of_memory():
             for turn, (number, force) in itertools.product(range(60), enumerate(forces)):
                 force.elapse(0.2)
                 force(last, out)
-                began = time.thread_time()
-                force(last, out)
-                evaluated = time.thread_time()
+                evaluations[turn, number] = spent_by(force, last, out)
+                began = time.thread_time_ns()
                 force.accept(last)
                 force.elapse(0.2, 0.2)
                 force(last, out)
-                evaluations[turn, number] = evaluated - began
-                steps[turn, number] = time.thread_time() - evaluated
+                steps[turn, number] = time.thread_time_ns() - began
         evaluation, step = (np.median(one, axis=0) for one in (evaluations, steps))
         ratio = evaluation / evaluation[0]
         yield (
             plane,
-            1e9 * evaluation[0] / len(body.bonds.first),
+            evaluation[0] / len(body.bonds.first),
             *(ratio[1] - 1, (ratio[2] - ratio[1]) / 3, ratio[3] - 1),
             *((step - evaluation)[1:] / evaluation[1:]),
             *(held[1] - held[0], (held[2] - held[1]) / 3, held[3] - held[0], held[4] - held[1]),
@@ -555,7 +553,6 @@ def of_steps():
     from pdsurrogate.run.transient import Transient
 
     low, high = {"x1": 0.0, "x2": 0.0}, {"x1": 0.0, "x2": 0.003}
-    regions = {"low": {"box": [[0, 0], [2, 0.08]]}, "high": {"box": [[0, 0.92], [2, 1]]}}
     supports = {
         "points": {"low": low, "high": high},
         "planes of symmetry": {"left": {"x1": 0.0}, "bottom": {"x2": 0.0}, "top": {"x2": 0.003}},
@@ -569,19 +566,8 @@ def of_steps():
 
     for spacing, steps in ((0.0512, 200), (0.0155, 40), (0.0049, 20)):
         for name, held in supports.items():
-            scene = pds.Scene(
-                name="steps",
-                spacing=spacing,
-                plane="strain",
-                body={"size": [2.0, 1.0]},
-                holes=[{"shape": "circle", "center": [1.4, 0.5], "radius": 0.15}],
-                precuts=[{"start": [-0.1, 0.5], "end": [0.4, 0.5]}],
-                material={"law": "neo-hookean", "bulk_modulus": 50.0},
-                fracture={"critical_stretch": 8.0},
-                regions=regions,
-                prescribed=[{"region": region, **values} for region, values in held.items()],
-                steps=[{"to": 100.0, "dynamics": {"duration": 2000.0, "density": 1.0}}],
-            )
+            prescribed = [{"region": region, **values} for region, values in held.items()]
+            scene = scene_of("held-sheet", {"spacing": spacing, "prescribed": prescribed})
             run = Run(scene, checked_models(scene, pds.load_surrogate("bond-energy")), threads=1)
             stage = Transient(run, run.stages[0], ready(run, False)[1])
             run.interruption = Until()
@@ -759,122 +745,21 @@ def of_forms():
         yield f"`{source.title}`", *run["of"]
 
 
-COSTS_OF_BONDS = "ns/directed bond, one thread: .2f", "all threads: .2f", "setup (s): .1f"
-POINTS = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
 TABLES = {
-    name: of_rows(name, measure, [()], *columns)
-    for name, measure, *columns in (
-        (
-            "scaling",
-            of_sizes,
-            "points: ,",
-            "directed bonds: ,",
-            *COSTS_OF_BONDS,
-            "memory (GiB): .2f",
-        ),
-        (
-            "speed-in-space",
-            of_space,
-            "force",
-            "ns/directed bond, 1 thread: .1f",
-            "cost / NOSB: .1f",
-            "cost / learned Neo-Hookean in float32: .2f",
-        ),
-        (
-            "memory",
-            of_memory,
-            "plane",
-            "elastic (ns/pair): .1f",
-            "first branch: .2f",
-            "further branch: .2f",
-            "softening: .2f",
-            "step, 1 branch: .2f",
-            "step, 4 branches: .2f",
-            "step, softening: .2f",
-            "step of equilibria, 1 branch: .2f",
-            "first branch (kB): .2f",
-            "further branch (kB): .2f",
-            "softening (kB): .2f",
-            "path of equilibria (kB): .2f",
-        ),
-        (
-            "forms",
-            of_forms,
-            "law or artifact",
-            "DOLFINx (s): .1f",
-            "C compiler (s): .1f",
-            "memory (MB): .0f",
-        ),
-        (
-            "steps",
-            of_steps,
-            "held",
-            "points: ,",
-            "force (µs): ,.0f",
-            "step (µs): ,.0f",
-            "step / force: .2f",
-            "evaluations per step: .2f",
-        ),
-        (
-            "threads",
-            of_threads,
-            f"ns per directed bond with {POINTS} points",
-            *(f"{others} other processes: .3g" for others in (0, 1, 2)),
-        ),
-        (
-            "runs",
-            of_runs,
-            "points: ,",
-            "evaluations: .0f",
-            "processor time (s): .1f",
-            "per point (µs): .0f",
-            "memory (MB): ,.0f",
-        ),
-        (
-            "ranks",
-            of_ranks,
-            "points: ,",
-            "ranks",
-            "own points: ,.0f",
-            "halo points: ,.0f",
-            "processor time (ms): .1f",
-            "exchanges: .0f",
-            "received (kB): .0f",
-            "setup (s): .0f",
-            "held (MB): .0f",
-            "at most (MB): .0f",
-        ),
-        (
-            "against-threads",
-            against_threads,
-            "scene",
-            "points: ,",
-            "1 rank of 2 threads (ms): .1f",
-            "2 ranks of 1 thread (ms): .1f",
-            "ranks / threads: .2f",
-            "share of exchange: .1%",
-        ),
-        (
-            "small-bodies",
-            small_bodies,
-            "points: ,",
-            "K / μ: g",
-            "one rank (s): .2f",
-            "two ranks (s): .2f",
-            "two ranks / one: .2f",
-            "evaluations",
-        ),
-        (
-            "parts",
-            of_parts,
-            "body",
-            "parts",
-            "own points (mean): ,.0f",
-            "largest number of bonds / mean: .3f",
-            "largest halo / mean: .2f",
-            "largest halo / own points: .3f",
-        ),
-    )
+    name: of_rows(name, measure)
+    for name, measure in {
+        "scaling": of_sizes,
+        "speed-in-space": of_space,
+        "memory": of_memory,
+        "forms": of_forms,
+        "steps": of_steps,
+        "threads": of_threads,
+        "runs": of_runs,
+        "ranks": of_ranks,
+        "against-threads": against_threads,
+        "small-bodies": small_bodies,
+        "parts": of_parts,
+    }.items()
 }
 """Tables of this checkout, by the names of their blocks in the documentation."""
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from cases import Study, ending_at, report, rows_of, stored, table_of
+from cases import HEADS, Study, ending_at, report, rows_of, stored, table_of
 from pages import markdown_table
 
 import pdsurrogate as pds
@@ -503,13 +503,10 @@ def averaged(entries, ratios):
 
 
 if __name__ == "__main__":
-    horizon, rows = "horizon (spacings): g", ("spacings along a row", "G / prescribed along a row")
-    turned = "turned strips", "edge notches", "turned strips of `crack_directions.py`"
-    tips = horizon, "rows per unit length", "λ_c: .2f", "d / δ: .2f"
     tables = {
         "tip-diameters": diameters,
-        "other-tips": table_of(others, "force model", "body", *tips),
-        "peaks": table_of(peaks, "force model", "body, points", horizon, *rows, "clouds", *turned),
+        "other-tips": table_of(others, HEADS["other-tips"]),
+        "peaks": table_of(peaks, HEADS["peaks"]),
     }
     named = {name: partial(torn, case) for name, case in cases("tip-diameters").items()}
     report(__doc__, Study("tip-diameters", named, tables))

@@ -4,11 +4,15 @@ import meshio
 import numpy as np
 
 from pdsurrogate.discretization.cells import lattice_of
+from pdsurrogate.testing.runs import write_mesh
 
-__all__ = ["write_bar", "write_deck", "write_plate", "write_triangles"]
+__all__ = ["divided", "write_bar", "write_deck", "write_plate", "write_triangles"]
 
 GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
 
+
+CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+"""Corners of a cube in the order of a hexahedron."""
 
 TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6])
 """Of a hexahedron, about the diagonal from its first corner to its seventh."""
@@ -178,3 +182,12 @@ def _gmsh_lines(points, blocks, names):
             tag += 1
             yield " ".join(map(str, [tag, *(corner + 1 for corner in cell)]))
     yield "$EndElements"
+
+
+def divided(folder, dimension, count):
+    """The body of a scene of a unit square of halved squares, or a cube of cubes in six parts, in
+    a file.
+    """
+    path = folder / "cells.vtu"
+    write_mesh(path, dimension, count)
+    return {"shape": "mesh", "file": str(path), "dimension": dimension}

@@ -40,21 +40,6 @@ def directions_of(random, body, number, targets):
     return found
 
 
-def assert_forces_are_slopes_of_the_energy(force, positions, found, random, step):
-    """Forces found at given positions against central differences of the energy along three
-    random directions, to 1e-8.
-    """
-    for _ in range(3):
-        direction = random.uniform(-1, 1, positions.shape)
-        ends = []
-        for sign in (1, -1):
-            forces_at(force, positions + sign * step * direction)
-            ends.append(force.energy())
-        assert (ends[1] - ends[0]) / (2 * step) == pytest.approx(
-            (found * direction).sum(), abs=1e-8 * np.abs(found * direction).sum()
-        )
-
-
 def assert_dilatation_is_linearized(force, positions, random):
     """The linearized dilatation of a force in its present state against differences of volume
     ratios, and its transpose.

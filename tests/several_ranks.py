@@ -98,6 +98,14 @@ class Ranks:
         self.compiled |= any(reply["compiled"] for reply in replies)
         return replies
 
+    def value(self, ranks, *case, **where):
+        """What a function returns on the first of so many ranks."""
+        return self(ranks, *case, **where)[0]["value"]
+
+    def alone(self, *case, **where):
+        """What a function returns on one rank with all code from the cache."""
+        return self.loaded(1, *case, **where)[0]["value"]
+
     def load(self):
         """Begin anew if the processes have compiled anything, and return whether they do.
 

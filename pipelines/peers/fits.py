@@ -5,10 +5,6 @@ Errors are RMS of the stresses that are foretold, in percent of their greatest.
 
 from pathlib import Path
 
-ENVIRONMENTS = {
-    "felupe-fitting": ["felupe==11.3.0", "tensortrax==0.29.0", "scipy==1.17.1"],
-    "hyper-surrogate": ["python3.12", "hyper-surrogate[fitting]==0.4.0"],
-}
 ROOT = Path(__file__).resolve().parents[2]
 MODES = {"uniaxial": -0.5, "pure-shear": 0.0, "equibiaxial": 1.0}
 """Powers of the stretch that are the stretch across, of incompressible rubber."""
@@ -231,53 +227,3 @@ def ours_vhb():
         )
         for rate in RATES
     }
-
-
-CASES = {
-    "fits": {
-        "columns": dict.fromkeys(
-            [f"{mode} (%)" for mode in MODES] + ["Kawabata's grid (%)"], ".1f"
-        ),
-        "rows": [
-            ("pdsurrogate, energy", "pdsurrogate", "ours", [{}]),
-            ("pdsurrogate, Ogden's law", "pdsurrogate", "ours", [{"law": "ogden"}]),
-            ("SciPy, Ogden's law", "felupe-fitting", "ogden", [{}]),
-            (
-                "FElupe, Ogden's law",
-                "felupe-fitting",
-                "felupe",
-                [{"law": "ogden", "mu": [1, 0.2], "alpha": [1.7, -1.5]}],
-            ),
-            (
-                "FElupe, extended tube",
-                "felupe-fitting",
-                "felupe",
-                [
-                    {
-                        "law": "extended_tube",
-                        "Gc": 0.1867,
-                        "Ge": 0.2169,
-                        "beta": 0.2,
-                        "delta": 0.09693,
-                    }
-                ],
-            ),
-            ("hyper-surrogate, Yeoh", "hyper-surrogate", "hyper_surrogate", [{"law": "Yeoh"}]),
-            (
-                "hyper-surrogate, Mooney-Rivlin",
-                "hyper-surrogate",
-                "hyper_surrogate",
-                [{"law": "MooneyRivlin"}],
-            ),
-        ],
-        "once": True,
-    },
-    "rates": {
-        "columns": dict.fromkeys([f"at {rate} (%)" for rate in RATES], ".1f"),
-        "rows": [
-            ("pdsurrogate, energy and branches", "pdsurrogate", "ours_vhb", [{}]),
-            ("SciPy, Ogden's law with a Prony series", "felupe-fitting", "prony", [{}]),
-        ],
-        "once": True,
-    },
-}

@@ -1,10 +1,9 @@
 """A square sheet with a hole, stretched to 1.5 both ways on rollers, in plane stress: a quarter."""
 
 import math
+from pathlib import Path
 
 from bonded_cube import computed, pulled
-
-ENVIRONMENTS = {"felupe": ["felupe==11.3.0", "pypardiso==0.4.7"]}
 
 STRESS, HOLE = 1.1323729165387342, 0.43987790023302137
 """Nominal stress, and displacement of the hole of radius 0.3 on an axis: nine-node elements."""
@@ -22,22 +21,8 @@ def ours(n, force=None):
     """The package with n points along the side of the quarter."""
     import pdsurrogate as pds
 
-    scene = {
-        "name": "quarter-with-hole",
-        "spacing": 1 / n,
-        "body": {"shape": "rectangle", "size": [1.0, 1.0], "lower": [0.0, 0.0]},
-        "holes": [{"shape": "circle", "radius": 0.3}],
-        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-        "prescribed": [
-            {"region": "left", "x1": 0.0},
-            {"region": "bottom", "x2": 0.0},
-            {"region": "right", "x1": 0.5},
-            {"region": "top", "x2": 0.5},
-        ],
-        "probes": [{"name": "hole", "at": [0.3, 0.0]}],
-        "steps": [1.0],
-    }
-    result = pds.simulate(pds.Scene(**scene), force)
+    file = Path(__file__).parents[1] / "data" / "quarter-with-hole.toml"
+    result = pds.simulate(pds.load_scene(file, spacing=1 / n), force)
     (level,) = result.levels
     hole = level["probes"]["hole"]["displacement"][0]
     return found(n, level["forces"]["right"][0], hole, result.body.points.size)
@@ -109,41 +94,3 @@ def calculix(n, tuned=False):
     held, ends = "LEFT, 1, 1\nBOTTOM, 2, 2", "END, 1, 1, 0.5\nTOP, 2, 2, 0.5"
     *_, point, force = computed(lines, 100.0, f"{THICKNESS}\n", held, ends, tuned)
     return found(n, force[0] / THICKNESS, point[1], 3 * len(number))
-
-
-CASES = {
-    "holed-sheet": {
-        "columns": {
-            "n": ".0f",
-            "unknowns": ",.0f",
-            "error of stress (%)": "+.2f",
-            "error at hole (%)": "+.2f",
-        },
-        "rows": [
-            ("pdsurrogate, defaults", "pdsurrogate", "ours", [{"n": 12}, {"n": 25}]),
-            (
-                "pdsurrogate, bond-energy",
-                "pdsurrogate",
-                "ours",
-                [{"n": n, "force": "bond-energy"} for n in (12, 25)],
-            ),
-            ("FElupe, quadratic", "felupe", "felupe", [{"n": 2}, {"n": 3}]),
-            (
-                "FElupe, quadratic, tuned",
-                "felupe",
-                "felupe",
-                [{"n": n, "tuned": True} for n in (2, 3)],
-            ),
-            ("CalculiX, CPS8R", "pdsurrogate", "calculix", [{"n": 2}, {"n": 3}]),
-            (
-                "CalculiX, CPS8R, tuned",
-                "pdsurrogate",
-                "calculix",
-                [{"n": n, "tuned": True} for n in (2, 3)],
-            ),
-        ],
-        "good": lambda one: (
-            max(abs(one["error of stress (%)"]), abs(one["error at hole (%)"])) < 0.5
-        ),
-    }
-}

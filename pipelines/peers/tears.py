@@ -1,6 +1,7 @@
 """A strip with a cut, torn in pure shear: against phase fields written with DOLFINx."""
 
-ENVIRONMENTS = {"dolfinx-tears": ["python3.12", "dolfinx-solver-real==0.11.0.post0"]}
+from pathlib import Path
+
 LENGTH, CUT, ENERGY = 4.0, 1.5, 0.5
 """Of a strip of height 1 and shear modulus 1."""
 
@@ -112,21 +113,10 @@ def ours(rows, seed=0, process="quasi-static", ratio=2.2):
 
     import pdsurrogate as pds
 
-    body = {"shape": "rectangle", "size": [LENGTH, 1.0]}
-    motion = {"stretch": 1.9, "stretch_rate": 0.01, "density": 1.0, "damping": 0.02, "outputs": 8}
-    scene = {
-        "name": "strip",
-        "spacing": 1 / rows,
-        "horizon_ratio": ratio,
-        "body": body | ({"arrangement": "relaxed", "seed": seed} if seed else {}),
-        "precuts": [{"start": [-1.0, 0.5], "end": [CUT, 0.5]}],
-        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-        "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
-        "stretches": [1.3],
-        "fracture": {"energy": ENERGY, "process": process},
-        "dynamics": motion,
-    }
-    result = pds.simulate(pds.Scene.model_validate(scene), "bond-energy", threads=1)
+    changes = {"spacing": 1 / rows, "horizon_ratio": ratio, "fracture.process": process}
+    changes |= {"body.arrangement": "relaxed", "body.seed": seed} if seed else {}
+    scene = pds.load_scene(Path(__file__).parents[1] / "data" / "peer-strip.toml", changes)
+    result = pds.simulate(scene, "bond-energy", threads=1)
     crack, law = result.summary["crack"], result.scene.law()
     peak = crack["peak"]
     energy = pds.materials.homogeneous.pure_shear(law, peak["stretch"]).energy_density
@@ -143,60 +133,3 @@ def repeated(function, seeds, **setting):
     off = [one["G (%)"] for one in found]
     mean = {key: float(np.mean([one[key] for one in found])) for key in found[0]}
     return mean | {"deviation (%)": float(np.std(off, ddof=1))}
-
-
-def good(found):
-    """G within 5 %."""
-    return abs(found["G (%)"]) < 5
-
-
-SIZES = {"G (%)": "+.1f", "deviation (%)": ".1f", "peak": ".3f", "stretch": ".3f"}
-SIZES |= {"off the row": ".3f", "unknowns": ",.0f"}
-FIELDS = [{"h": h, "width": w} for h, w in ((0.04, 0.08), (0.025, 0.05), (0.02, 0.04))]
-CASES = {
-    "tears": {
-        "columns": SIZES,
-        "rows": [
-            ("pdsurrogate, slow", "pdsurrogate", "ours", [{"rows": 8}, {"rows": 12}, {"rows": 16}]),
-            (
-                "pdsurrogate, slow, default horizon",
-                "pdsurrogate",
-                "ours",
-                [{"rows": 8, "ratio": 3.15}, {"rows": 12, "ratio": 3.15}],
-            ),
-            ("phase field, AT1, tuned", "dolfinx-tears", "phase_field", FIELDS),
-        ],
-        "good": good,
-        "once": True,
-    },
-    "repeated-tears": {
-        "columns": SIZES,
-        "rows": [
-            (
-                "pdsurrogate, dynamics, lattice",
-                "pdsurrogate",
-                "ours",
-                [{"rows": 8, "process": "dynamics"}],
-            ),
-            (
-                "pdsurrogate, slow, 5 seeds of relaxed points",
-                "pdsurrogate",
-                "repeated",
-                [{"function": "ours", "seeds": 5, "rows": 12}],
-            ),
-            (
-                "phase field, AT1, tuned, 2 seeds of nodes",
-                "dolfinx-tears",
-                "repeated",
-                [{"function": "phase_field", "seeds": 2, **FIELDS[0]}],
-            ),
-            (
-                "phase field, AT2, uniform mesh",
-                "dolfinx-tears",
-                "phase_field",
-                [{"h": 0.04, "width": 0.08, "model": "AT2", "tuned": False}],
-            ),
-        ],
-        "once": True,
-    },
-}

@@ -469,7 +469,7 @@ def test_scenes_that_would_fill_memory_or_write_elsewhere_are_refused(
     """
     monkeypatch.chdir(tmp_path)
     began = time.process_time()
-    done = commanded("run", "uniaxial", "--set", change, "--out", tmp_path / "out", status=2)
+    done = commanded("run uniaxial --set", change, "--out", tmp_path / "out", status=2)
     assert message in done.stderr
     assert "Traceback" not in done.output
     assert time.process_time() - began < 10

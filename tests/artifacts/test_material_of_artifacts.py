@@ -117,11 +117,10 @@ def test_a_material_in_words_is_toml():
 
 
 def test_the_command_says_which_material_it_takes(store):
-    changes = ["--set", "spacing=0.2", "--set", "stretches=1.2"]
+    changes = "--set spacing=0.2 --set stretches=1.2"
     done = commanded(
-        "run",
-        "uniaxial",
-        *changes,
+        "run uniaxial",
+        changes,
         "--force",
         store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT)),
     )

@@ -17,7 +17,7 @@ FILES = {"sun-dic": ("sun-dic/*.csv", "25"), "al-dic": ("al-dic*", "28")}
 @pytest.mark.parametrize(
     ("program", "variant", "options"),
     [
-        ("al-dic", "base", ["--pixels-per", "cm", "121.2"]),  # 120 is right
+        ("al-dic", "base", "--pixels-per cm 121.2"),  # 120 is right
         ("sun-dic", "turned", []),
         ("sun-dic", "lost", []),
         ("al-dic", "moved", []),
@@ -29,10 +29,9 @@ def test_the_law_comes_back_from_correlated_images(tmp_path, program, variant, o
     """
     pattern, subset = FILES[program]
     found = sorted((DATA / variant).glob(pattern))
-    fields = [text for each in found for text in ("--fields", str(each))]
-    command = ["calibrate", str(DATA / "sheet.toml"), "rubber", *fields, "--subset", subset]
-    forces = ["--forces", str(DATA / "forces.csv"), "--law", "gent", "--out", str(tmp_path)]
-    commanded(*command, *forces, *options, "--json")
+    fields = [("--fields", each) for each in found]
+    command = "calibrate", DATA / "sheet.toml", "rubber", fields, "--subset", subset, options
+    commanded(command, "--forces", DATA / "forces.csv", "--law gent --json --out", tmp_path)
     report = json.loads((tmp_path / "calibration.json").read_text())
     truth = {"shear_modulus": (400.0, 0.05), "chain_limit": (15.0, 1 / 3)}
     for name, (true, widest) in truth.items():

@@ -64,6 +64,12 @@ def measured(law, scene=None, rows=X):
     return MeasuredScene(scene or sheet("neo-hookean"), table).simulate(law)[0]
 
 
+def fitted(y, rows=X, law="gent", deviation=DEVIATION, scene=None, **settings):
+    """A regressor of the sheet, or of another scene, on its own spacing, fitted to rows."""
+    model = pds.SceneRegressor(scene or sheet("neo-hookean"), law, refine=1, **settings)
+    return model.fit(rows, y, standard_deviation=deviation)
+
+
 @pytest.fixture
 def same_body():
     """Measurements simulated at the spacing of the scene have no discretization error: its
@@ -87,9 +93,7 @@ def test_parameters_come_back_from_exact_measurements(gent, exact):
     """The same discrete body: what is left are the tolerances of the search and of the run that
     made the data, 1e-5 of the stresses.
     """
-    found = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-        X, exact, standard_deviation=DEVIATION
-    )
+    found = fitted(exact)
     np.testing.assert_allclose(found.parameters_, [0.8, 12.0], rtol=1e-3)
     assert found.undetermined_ == found.at_bound_ == []
     assert found.law_.bulk_modulus == pytest.approx(100 * found.parameters_[0])
@@ -106,7 +110,7 @@ def test_standard_errors_are_what_the_noise_of_each_measurement_moves(gent):
     )
     rows = np.array([[1, 0, 0, 0], [2, 0, 0, 0], [2, 1, 1.35, 0.6], [2, 2, 0.45, 1.2]])
     y = measured(gent, scene, rows)
-    model = pds.SceneRegressor(scene, "gent", refine=1).fit(rows, y, standard_deviation=deviations)
+    model = fitted(y, rows, deviation=deviations, scene=scene)
     moved = [
         clone(model).fit(rows, y + step, standard_deviation=deviations).parameters_
         for step in np.diag(0.3 * deviations)
@@ -131,9 +135,7 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
     """Equilibria of prescribed motions depend on ratios of moduli alone."""
     field = X[:, 1] > 0
     y = exact + DEVIATION * random.standard_normal(len(X))
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-        X[field], y[field], standard_deviation=NOISE
-    )
+    model = fitted(y[field], X[field], deviation=NOISE)
     assert model.undetermined_ == ["shear_modulus"]
     assert (model.parameters_[0], model.standard_errors_[0]) == (1.0, np.inf)  # at its start
     assert model.standard_errors_[1] < 0.2 * 12
@@ -145,12 +147,8 @@ def test_a_field_without_forces_does_not_determine_moduli(exact, random):
 @pytest.mark.usefixtures("same_body")
 def test_fields_tell_more_than_forces(exact, random):
     y, forces = exact + DEVIATION * random.standard_normal(len(X)), X[:, 1] == 0
-    both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-        X, y, standard_deviation=DEVIATION
-    )
-    alone = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-        X[forces], y[forces], standard_deviation=FORCE_NOISE
-    )
+    both = fitted(y)
+    alone = fitted(y[forces], X[forces], deviation=FORCE_NOISE)
     assert both.standard_errors_[1] < alone.standard_errors_[1]
     assert both.lack_of_fit_ == pytest.approx(1.0, abs=4 * (2 / len(X)) ** 0.5)
 
@@ -180,9 +178,7 @@ def halved(gent):
         return (
             scene,
             fine,
-            pds.SceneRegressor(scene, "gent", refine=1).fit(
-                LAST, fine, standard_deviation=LAST_DEVIATION
-            ),
+            fitted(fine, LAST, deviation=LAST_DEVIATION, scene=scene),
         )
 
 
@@ -215,7 +211,7 @@ def test_a_discretization_error_that_cannot_be_estimated_is_named():
             " standard errors"
         ),
     ):
-        pds.SceneRegressor(scene, refine=1).fit(rows, u, standard_deviation=[0.1, 0.1])
+        fitted(u, rows, law="neo-hookean", deviation=[0.1, 0.1], scene=scene)
 
 
 def test_a_finer_simulation_corrects_the_discretization_error(halved):
@@ -245,9 +241,7 @@ def test_several_scenes_share_a_law(gent, exact):
 
 @pytest.mark.usefixtures("same_body")
 def test_stresses_have_the_errors_of_the_parameters():
-    model = pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit(
-        [[1, 0, 0, 0]], [2.0], standard_deviation=0.1
-    )
+    model = fitted([2.0], [[1, 0, 0, 0]], law="neo-hookean", deviation=0.1)
     states = np.stack([[1.5, 2.0], MODES["uniaxial"](np.array([1.5, 2.0]))], axis=1)
     stress, error = model.nominal_stress(states)
     np.testing.assert_allclose(stress, nominal_stress(model.law_, states))
@@ -300,7 +294,7 @@ def test_members_repeat_from_their_seed():
 )
 def test_rows_that_the_scene_does_not_have_are_refused(row, message):
     with pytest.raises(ValueError, match=message):
-        pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([row], [1.0], standard_deviation=0.1)
+        fitted([1.0], [row], law="neo-hookean", deviation=0.1)
 
 
 @pytest.mark.usefixtures("same_body")
@@ -313,20 +307,12 @@ def test_the_command_writes_artifact_report_and_figures(tmp_path, gent):
     forces = np.column_stack([[1, 2, 3], exact[X[:, 1] == 0]])
     np.savetxt(tmp_path / "G.csv", forces, delimiter=",", header="step,force", comments="")
     options = [
-        "--set",
-        "spacing=0.3",
-        "--set",
-        f"stretches={STRETCHES}",
-        "--refine",
-        "1",
-        "--law",
-        "gent",
-        "--out",
-        str(tmp_path / "out"),
+        f"--set spacing=0.3 --set 'stretches={STRETCHES}' --refine 1 --law gent --out",
+        tmp_path / "out",
     ]
-    files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
+    files = "--fields", tmp_path / "F.csv", "--forces", tmp_path / "G.csv"
     with patch("pdsurrogate.cli.calibrate.Bar.event") as shown:
-        done = invoke("calibrate", "hole", "sheet", *files, *options, "--json")
+        done = invoke("calibrate hole sheet", files, options, "--json")
     assert done.exit_code == 0, done.output
     assert any("sum_of_squared_residuals" in call.kwargs for call in shown.call_args_list)
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
@@ -377,26 +363,17 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
     lines += [f"{n + 1},{force[n]:.9f},{u[n][0] if n else '':},{u[n][1]:.9f},x" for n in range(3)]
     (tmp_path / "G.csv").write_text("\n".join(lines))
     options = [
-        "--set",
-        "spacing=0.5",
-        "--set",
-        f"stretches={STRETCHES}",
+        f"--set spacing=0.5 --set 'stretches={STRETCHES}'",
         "--set",
         "probes=[{name='tip',at=[0.9,0.3]}]",
     ]
     command = [
-        "calibrate",
-        "hole",
-        "tip",
-        "--forces",
-        str(tmp_path / "G.csv"),
-        *options,
-        "--refine",
-        "1",
-        "--law",
-        "gent",
+        "calibrate hole tip --forces",
+        tmp_path / "G.csv",
+        options,
+        "--refine 1 --law gent",
     ]
-    commanded(*command, "--field-noise", "0.001", "--out", tmp_path / "out")
+    commanded(command, "--field-noise 0.001 --out", tmp_path / "out")
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
     assert {name: row["rows"] for name, row in found["measurements"].items()} == {
@@ -428,19 +405,8 @@ def test_the_command_takes_probes_and_forces_of_any_region(tmp_path, gent):
 )
 def test_tables_of_outputs_that_make_no_sense_are_refused(text, message, tmp_path):
     (tmp_path / "G.csv").write_text(text)
-    options = [
-        "--set",
-        "spacing=0.5",
-        "--law",
-        "neo-hookean",
-        "--refine",
-        "1",
-        "--out",
-        str(tmp_path / "out"),
-    ]
-    done = commanded(
-        "calibrate", "hole", "sheet", "--forces", tmp_path / "G.csv", *options, status=2
-    )
+    options = "--set spacing=0.5 --law neo-hookean --refine 1 --out", tmp_path / "out"
+    done = commanded("calibrate hole sheet --forces", tmp_path / "G.csv", options, status=2)
     assert re.search(message, " ".join(done.stderr.split()))
 
 
@@ -485,14 +451,9 @@ def test_probes_alone_do_not_determine_moduli():
 def test_files_that_are_no_table_of_displacements_are_refused(text, message, tmp_path):
     (tmp_path / "F.csv").write_text(text)
     done = commanded(
-        "calibrate",
-        "hole",
-        "sheet",
-        "--fields",
+        "calibrate hole sheet --fields",
         tmp_path / "F.csv",
-        "--law",
-        "gent",
-        "--out",
+        "--law gent --out",
         tmp_path,
         status=2,
     )
@@ -507,30 +468,10 @@ def test_laws_of_the_users_own_are_fitted(tmp_path):
     )
     (tmp_path / "own_law_file.py").write_text(lines)
     (tmp_path / "G.csv").write_text("step,force\n1,0.86\n")
-    options = [
-        "--set",
-        "spacing=0.5",
-        "--set",
-        "stretches=[1.1]",
-        "--refine",
-        "1",
-        "--law",
-        "own-law",
-        "--out",
-        str(tmp_path / "out"),
-    ]
-    command = [
-        "calibrate",
-        "hole",
-        "sheet",
-        "--import",
-        str(tmp_path / "own_law_file.py"),
-        "--forces",
-        str(tmp_path / "G.csv"),
-    ]
+    options = "--set spacing=0.5 --set stretches=[1.1] --refine 1 --law own-law --out"
+    files = "--import", tmp_path / "own_law_file.py", "--forces", tmp_path / "G.csv"
     with patch.dict(pds.materials.LAWS):
-        done = invoke(*command, *options)
-    assert done.exit_code == 0, done.output
+        commanded("calibrate hole sheet", files, options, tmp_path / "out")
     assert (
         json.loads((tmp_path / "out" / "calibration.json").read_text())["law"]["law"] == "own-law"
     )
@@ -541,16 +482,14 @@ def test_laws_that_cannot_be_fitted_are_refused(law):
     with pytest.raises(
         ValueError, match=f"unknown law '{law}'; laws that can be fitted to tests are neo-hookean"
     ):
-        pds.SceneRegressor(sheet("neo-hookean"), law, refine=1).fit([[1, 0, 0, 0]], [0.86])
+        fitted([0.86], [[1, 0, 0, 0]], law=law, deviation=None)
 
 
 def test_a_parameter_at_zero_stays_within_its_bounds(exact):
     """Gent's rubber has no second invariant: the share of it in Mooney's and Rivlin's law ends
     at zero.
     """
-    model = pds.SceneRegressor(sheet("neo-hookean"), "mooney-rivlin", refine=1).fit(
-        X, exact, standard_deviation=DEVIATION
-    )
+    model = fitted(exact, law="mooney-rivlin")
     assert model.at_bound_ == ["second_share"]
     assert 0 <= model.law_.second_share < 1e-5
     assert len({law.shear_modulus for law in model.members_}) == 8
@@ -582,9 +521,7 @@ def test_a_field_beside_an_interface_is_that_of_its_own_material():
         materials=[{"region": {"box": [[-2.0, -2.0], [2.0, -0.6]]}, "material": other}],
     )
     law = pds.materials.NeoHookean(0.7, 70.0)
-    model = pds.SceneRegressor(scene, "neo-hookean", refine=1).fit(
-        X, measured(law, scene), standard_deviation=DEVIATION
-    )
+    model = fitted(measured(law, scene), law="neo-hookean", scene=scene)
     assert model.parameters_ == pytest.approx([0.7], rel=1e-4)
     assert model.lack_of_fit_ < 1e-3
 
@@ -633,8 +570,13 @@ def test_a_fit_tells_its_progress(caplog):
 
 def test_a_bulk_modulus_and_its_ratio_exclude_each_other():
     with pytest.raises(ValueError, match="bulk_modulus and bulk_ratio exclude each other"):
-        pds.SceneRegressor(sheet("neo-hookean"), bulk_ratio=100.0, bulk_modulus=80.0, refine=1).fit(
-            [[1, 0, 0, 0]], [0.86]
+        fitted(
+            [0.86],
+            [[1, 0, 0, 0]],
+            law="neo-hookean",
+            deviation=None,
+            bulk_ratio=100.0,
+            bulk_modulus=80.0,
         )
 
 
@@ -642,9 +584,7 @@ def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gen
     """Stresses up to the stretches in the sheet; the terms follow the logarithm of the law there
     within 1 %, and the rest is a margin.
     """
-    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(
-        X, exact, standard_deviation=DEVIATION
-    )
+    model = fitted(exact, law=None)
     stretches = np.linspace(1.1, 1.5, 5)
     states = np.vstack(
         [
@@ -694,9 +634,7 @@ def test_the_weak_form_holds_for_the_energy_in_equilibrium(gent_thomas):
 
 @pytest.mark.usefixtures("same_body")
 def test_the_weak_form_gives_the_start(gent_thomas):
-    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(
-        X, gent_thomas, standard_deviation=DEVIATION
-    )
+    model = fitted(gent_thomas, law=None)
     start = model.start_
     assert start["taken"] == "weak form"
     assert start["chi_squared"]["weak form"] < 0.5 * start["chi_squared"]["default"]
@@ -765,11 +703,9 @@ def test_an_energy_that_the_measurements_cannot_determine_is_refused(exact):
         model.fit(X, np.where(field, exact, -exact), standard_deviation=DEVIATION)
 
 
-@pytest.mark.parametrize("options", [[], ["--free", "--law", "gent"]])
+@pytest.mark.parametrize("options", [[], "--free --law gent"])
 def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options, tmp_path):
-    done = commanded(
-        "calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", tmp_path, status=2
-    )
+    done = commanded("calibrate hole sheet --forces G.csv", options, "--out", tmp_path, status=2)
     assert "choose one: --law LAW" in " ".join(done.stderr.split())
 
 
@@ -777,15 +713,15 @@ def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options
     ("options", "message"),
     [
         (
-            ["--law", "gent", "--field-noise", "0"],
+            "--law gent --field-noise 0",
             "--field-noise 0: a standard deviation must be positive",
         ),
         (
-            ["--law", "polyconvex"],
+            "--law polyconvex",
             "--law polyconvex: this law is a sum of terms, which --free chooses and fits",
         ),
         (
-            ["--law", "gent"],
+            "--law gent",
             (
                 "G.csv, line 3: step 4, but the steps are whole numbers: 1 to 3, the stretches of"
                 " scene hole"
@@ -795,8 +731,8 @@ def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options
 )
 def test_options_and_steps_that_make_no_sense_are_refused(options, message, tmp_path):
     (tmp_path / "G.csv").write_text("step,force\n1,1.0\n4,2.0\n")
-    files = ["--forces", str(tmp_path / "G.csv"), "--set", f"stretches={STRETCHES}"]
-    done = commanded("calibrate", "hole", "sheet", *files, *options, "--out", tmp_path, status=2)
+    files = "--forces", tmp_path / "G.csv", f"--set 'stretches={STRETCHES}'"
+    done = commanded("calibrate hole sheet", files, options, "--out", tmp_path, status=2)
     assert message in " ".join(done.stderr.split()).replace(str(tmp_path) + "/", "")
 
 
@@ -810,9 +746,7 @@ def test_displacements_in_another_unit_are_refused(exact):
             r" displacements times (0\.1|0\.099\d) .* different units of length"
         ),
     ):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-            X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION
-        )
+        fitted(np.where(field, 10 * exact, exact))
 
 
 def test_a_single_displacement_far_from_all_others_is_named(exact):
@@ -825,9 +759,7 @@ def test_a_single_displacement_far_from_all_others_is_named(exact):
             f" {wrong[number]:.4g}"
         ),
     ):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-            X, wrong, standard_deviation=DEVIATION
-        )
+        fitted(wrong)
 
 
 @pytest.mark.parametrize(
@@ -854,9 +786,7 @@ def test_displacements_along_other_axes_or_of_other_steps_are_refused(
     """Before a search for a law that they cannot give."""
     rows, y = changed(X, exact + DEVIATION * random.standard_normal(len(exact)))
     with pytest.raises(ValueError, match=message):
-        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-            rows, y, standard_deviation=DEVIATION
-        )
+        fitted(y, rows)
 
 
 class AnyTable(pds.SceneRegressor):
@@ -897,9 +827,7 @@ def test_fewer_measurements_than_parameters_are_refused():
         ValueError,
         match=r"1 measurements do not determine 2 parameters \(shear_modulus, chain_limit\)",
     ):
-        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), law="gent", refine=1).fit(
-            [[1, 0, 0, 0]], [3.0], standard_deviation=0.03
-        )
+        fitted([3.0], [[1, 0, 0, 0]], deviation=0.03, scene=pds.load_scene("hole", spacing=0.25))
 
 
 @pytest.mark.parametrize(
@@ -908,8 +836,12 @@ def test_fewer_measurements_than_parameters_are_refused():
 )
 def test_forces_of_the_wrong_sign_are_refused(force, what):
     with pytest.raises(ValueError, match=f"the measured forces {what}"):
-        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
-            [[1, 0, 0, 0]], [force], standard_deviation=0.03
+        fitted(
+            [force],
+            [[1, 0, 0, 0]],
+            law="neo-hookean",
+            deviation=0.03,
+            scene=pds.load_scene("hole", spacing=0.25),
         )
 
 
@@ -917,17 +849,19 @@ def test_places_outside_the_body_are_named():
     with pytest.raises(
         ValueError, match=r"a place of the displacements: \(99, 0\) lies outside the body"
     ):
-        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
-            [[1, 0, 0, 0], [1, 1, 99.0, 0]], [3.0, 0.1], standard_deviation=0.03
+        fitted(
+            [3.0, 0.1],
+            [[1, 0, 0, 0], [1, 1, 99.0, 0]],
+            law="neo-hookean",
+            deviation=0.03,
+            scene=pds.load_scene("hole", spacing=0.25),
         )
 
 
 def test_an_outlier_is_named(gent, exact):
     y = exact.copy()
     y[7] += 0.5
-    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(
-        X, y, standard_deviation=DEVIATION
-    )
+    model = fitted(y)
     worst = report(model, X, y, ["force"])["worst"]
     assert (worst["step"], worst["measured"]) == (1, f"u1 at ({PLACES[7][0]:g}, {PLACES[7][1]:g})")
     assert worst["standard_deviations"] == pytest.approx(0.5 / NOISE, rel=0.05)

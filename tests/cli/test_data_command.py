@@ -21,8 +21,8 @@ from pdsurrogate.results.measured import field_figure
 
 MACHINES = Path(__file__).parents[1] / "data" / "machines"
 TRUTH = json.loads((MACHINES / "TRUTH.json").read_text("utf-8"))
-MODE = ["--mode", "uniaxial"]
-GEOMETRY = [*MODE, "--gauge-length", "25 mm", "--area", "12mm2"]
+MODE = "--mode uniaxial"
+GEOMETRY = f"{MODE} --gauge-length '25 mm' --area 12mm2"
 MISSING = {
     "bluehill-raw.csv": GEOMETRY,
     "bluehill-geometry.csv": MODE,
@@ -32,26 +32,18 @@ MISSING = {
     "semicolons-and-notes.csv": MODE,
     "cycle-in-kN.csv": GEOMETRY,
     "strain-percent.csv": MODE,
-    "stretch-stress.csv": [*MODE, "--unit", "stress=MPa"],
+    "stretch-stress.csv": f"{MODE} --unit stress=MPa",
     "lambda-P.csv": MODE,
-    "stress-first.txt": [
-        *MODE,
-        "--column",
-        "nominal-stress=1",
-        "--column",
-        "stretch=2",
-        "--unit",
-        "stress=MPa",
-    ],
+    "stress-first.txt": (f"{MODE} --column nominal-stress=1 --column stretch=2 --unit stress=MPa"),
     "specimens-side-by-side.csv": MODE,
-    "abaqus-test-data.inp": ["--unit", "stress=MPa"],
+    "abaqus-test-data.inp": "--unit stress=MPa",
     "workbook.xlsx": [],
 }
 
 
 def gent_of(*arguments):
     """Shear modulus and chain limit that a command finds in files of machines."""
-    done = commanded("identify", *arguments, "--law", "gent", "--json")
+    done = commanded("identify", arguments, "--law gent --json")
     report = json.loads(done.stdout)["laws"][0]
     return report["parameters"]["shear_modulus"], report["parameters"]["chain_limit"]
 
@@ -60,7 +52,7 @@ def gent_of(*arguments):
 def test_one_command_finds_the_law_in_the_file_of_a_machine(name):
     if name.endswith("xlsx"):
         pytest.importorskip("python_calamine")
-    shear_modulus, limit = gent_of(MACHINES / name, *MISSING[name])
+    shear_modulus, limit = gent_of(MACHINES / name, MISSING[name])
     assert shear_modulus == pytest.approx(TRUTH[name]["shear_modulus_MPa"], rel=0.01)
     assert limit == pytest.approx(TRUTH[name]["chain_limit"], rel=0.03)
 
@@ -69,7 +61,7 @@ def test_every_file_is_described():
     assert set(MISSING) == set(TRUTH)
     for name, options in MISSING.items():
         if not name.endswith("xlsx"):
-            done = commanded("data", MACHINES / name, *options)
+            done = commanded("data", MACHINES / name, options)
             assert "Tests: stretch and nominal stress" in done.stdout
             assert "missing" not in done.stderr
 
@@ -80,7 +72,7 @@ def test_a_file_is_described_and_completed_to_a_table(tmp_path):
     assert "--gauge-length" in open_.stderr
     assert "Displacement  extension  0 to 50" in open_.stdout
     picture = tmp_path / "cycle.png"
-    done = commanded("data", file, *GEOMETRY, "--plot", picture, "--out", table)
+    done = commanded("data", file, GEOMETRY, "--plot", picture, "--out", table)
     assert "loading 41" in done.stdout
     assert "missing" not in done.stderr
     heading = [line for line in table.read_text().splitlines() if line.startswith("#")]
@@ -99,16 +91,16 @@ def test_a_file_is_described_and_completed_to_a_table(tmp_path):
     for name in ("mode", "stretches", "nominal_stress", "weight"):
         assert getattr(again, name).tolist() == getattr(read, name).tolist()
     # The table may be written again; another file is not replaced.
-    commanded("data", file, *GEOMETRY, "--out", table)
+    commanded("data", file, GEOMETRY, "--out", table)
     table.write_text("my notes\n")
-    refused = commanded("data", file, *GEOMETRY, "--out", table, status=2)
+    refused = commanded("data", file, GEOMETRY, "--out", table, status=2)
     assert "use another name" in refused.stderr
     assert table.read_text() == "my notes\n"
 
 
 def test_scatter_of_specimens_and_two_stretches_are_written_too(tmp_path):
     both, table = MACHINES / "specimens-side-by-side.csv", tmp_path / "tests.csv"
-    commanded("data", both, *MODE, "--out", table)
+    commanded("data", both, MODE, "--out", table)
     with pytest.warns(pds.identification.TestDataWarning):
         read = pds.load_test_data(both, mode="uniaxial")
     again = pds.load_test_data(table)
@@ -121,7 +113,7 @@ def test_scatter_of_specimens_and_two_stretches_are_written_too(tmp_path):
     )
     commanded("data", grid, "--out", table)
     assert pds.load_test_data(table).stretches.tolist() == [[1.5, 1.2], [1.2, 1.5], [2, 1], [1, 2]]
-    commanded("data", grid, f"{both}:uniaxial", "--unit", "stress=MPa", "--out", table, status=2)
+    commanded("data", grid, f"{both}:uniaxial", "--unit stress=MPa --out", table, status=2)
 
 
 def test_json_says_what_the_tables_say():
@@ -153,10 +145,10 @@ def test_several_files_and_a_campaign_are_one_data_set(tmp_path):
     )
     for given, expected in (
         ([f"{uniaxial}:uniaxial", f"{shear}:pure-shear"], 0.5),
-        ([uniaxial, f"{shear}:pure-shear", *MODE], 0.5),  # what a file's own suffix says counts
+        ([uniaxial, f"{shear}:pure-shear", MODE], 0.5),  # what a file's own suffix says counts
         ([campaign], 500.0),
     ):
-        done = commanded("identify", *given, "--law", "neo-hookean", "--bulk-ratio", 1e6, "--json")
+        done = commanded("identify", given, "--law neo-hookean --bulk-ratio 1000000.0 --json")
         report = json.loads(done.stdout)["laws"][0]
         assert set(report["r_squared"]) == {"uniaxial", "pure-shear"}
         assert report["parameters"]["shear_modulus"] == pytest.approx(expected, rel=1e-4)
@@ -166,16 +158,16 @@ def test_several_files_and_a_campaign_are_one_data_set(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["bluehill-raw.csv"], "the gauge length: --gauge-length '25 mm'"),
-        (["bluehill-raw.csv:uniaxal"], "unknown mode 'uniaxal'; did you mean uniaxial?"),
-        (["bluehill-raw.csv", "--column", "force"], "column: must have the form QUANTITY=NAME"),
-        (["bluehill-raw.csv", *MODE, "--area", "12"], "must be a number with its unit"),
-        (["bluehill-raw.csv", *GEOMETRY, "--column", "force=Kraft"], "there is no column Kraft"),
-        (["missing.csv"], "cannot read test data"),
-        (["treloar", *MODE], "treloar is complete"),
-        (["tests.toml", *MODE], "write what --mode states into this file"),
-        (["wrong.toml"], "test.0.guage_length: unknown key; did you mean gauge_length?"),
-        (["none.toml"], "test: this key is missing"),
+        ("bluehill-raw.csv", "the gauge length: --gauge-length '25 mm'"),
+        ("bluehill-raw.csv:uniaxal", "unknown mode 'uniaxal'; did you mean uniaxial?"),
+        ("bluehill-raw.csv --column force", "column: must have the form QUANTITY=NAME"),
+        (f"bluehill-raw.csv {MODE} --area 12", "must be a number with its unit"),
+        (f"bluehill-raw.csv {GEOMETRY} --column force=Kraft", "there is no column Kraft"),
+        ("missing.csv", "cannot read test data"),
+        (f"treloar {MODE}", "treloar is complete"),
+        (f"tests.toml {MODE}", "write what --mode states into this file"),
+        ("wrong.toml", "test.0.guage_length: unknown key; did you mean gauge_length?"),
+        ("none.toml", "test: this key is missing"),
     ],
 )
 def test_what_is_wrong_is_said_with_the_remedy(arguments, message, tmp_path, monkeypatch):
@@ -185,7 +177,7 @@ def test_what_is_wrong_is_said_with_the_remedy(arguments, message, tmp_path, mon
     (tmp_path / "tests.toml").write_text('[[test]]\nfile = "bluehill-raw.csv"\n')
     (tmp_path / "wrong.toml").write_text('[[test]]\nfile = "a.csv"\nguage_length = "25 mm"\n')
     (tmp_path / "none.toml").write_text('mode = "uniaxial"\n')
-    done = commanded("identify", *arguments, "--law", "gent", status=2)
+    done = commanded("identify", arguments, "--law gent", status=2)
     assert message in " ".join(done.stderr.split())
 
 
@@ -202,9 +194,9 @@ def test_the_state_at_break_is_printed_and_stored(tmp_path):
         files[-1].write_text(
             "Stretch,Nominal stress (MPa)\n" + "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
         )
-    found = commanded("identify", *files, *MODE, "--law", "neo-hookean")
+    found = commanded("identify", files, MODE, "--law neo-hookean")
     assert "2.2 ± 0.2" in found.stdout
-    done = invoke("identify", *files, *MODE, "--law", "neo-hookean", "--json")
+    done = invoke("identify", files, MODE, "--law neo-hookean --json")
     report = json.loads(done.stdout)["laws"][0]
     entries = {"data": report["data"], "law": report["law"], "at_break": report["at_break"]}
     (broken,) = IdentificationEntries(**entries).at_break.values()
@@ -225,17 +217,9 @@ def test_a_card_has_the_unit_and_the_break_of_its_tests(tmp_path):
         "Stretch,Nominal stress (MPa)\n" + "".join(f"{a:.5f},{b:.5f}\n" for a, b in rows)
     )
     commanded(
-        "fit",
-        "torn",
-        "--data",
+        "fit torn --data",
         f"{file}:uniaxial",
-        "--degree",
-        "2,2",
-        "--samples",
-        200,
-        "--folds",
-        0,
-        "--out",
+        "--degree 2,2 --samples 200 --folds 0 --out",
         tmp_path / "artifacts",
     )
     card = pds.load_card(tmp_path / "artifacts" / "torn" / "1")
@@ -315,4 +299,4 @@ def test_fields_and_meshes_are_described_and_drawn(tmp_path):
     assert axes[-1].get_ylabel() == "displacement"
     refused = invoke("data", field, mesh, "--plot", tmp_path / "one.png")
     assert "there are 2 pictures" in refused.stderr
-    assert "--mode is for tables of tests" in invoke("data", field, *MODE).stderr
+    assert "--mode is for tables of tests" in invoke("data", field, MODE).stderr

@@ -6,6 +6,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from described import SCENES
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
@@ -17,27 +18,7 @@ from pdsurrogate.results.states import deformed_cells
 from pdsurrogate.scenes import SceneError, load_scene
 
 RELAXED = {"body.arrangement": "relaxed"}
-BENT = {
-    "shape": "polygon",
-    "vertices": [[0.0, 0.0], [2.0, 0.0], [2.0, 0.7], [0.9, 0.7], [0.9, 1.6], [0.0, 1.6]],
-    "arrangement": "relaxed",
-}
-BODIES = {
-    "hole": {
-        "body": {"size": [2.0, 1.3], "arrangement": "relaxed"},
-        "holes": [{"shape": "circle", "radius": 0.3, "center": [1.2, 0.6]}],
-    },
-    "bent": {"body": BENT},
-    "tube": {
-        "body": {
-            "shape": "tube",
-            "outer_radius": 0.6,
-            "inner_radius": 0.3,
-            "length": 0.8,
-            "arrangement": "relaxed",
-        }
-    },
-}
+BODIES = SCENES["clouds"]
 AREAS = {"hole": 2.6 - np.pi * 0.09, "bent": 1.4 + 0.81}
 
 
@@ -184,11 +165,8 @@ def stress_of(scene, force, changes):
     return level["nominal_stress"], level["greatest_lateral_displacement"], level["evaluations"]
 
 
-@pytest.mark.parametrize(
-    ("scene", "changes"),
-    [("uniaxial", {"spacing": 0.1}), ("hole", {"spacing": 0.1}), ("pure-shear", {"spacing": 0.1})],
-)
-def test_stress_and_contraction_are_those_of_the_lattice(scene, changes):
+@pytest.mark.parametrize("scene", ["uniaxial", "hole", "pure-shear"])
+def test_stress_and_contraction_are_those_of_the_lattice(scene):
     """Within 0.3 %; the greatest contraction, at one place of an uneven edge, within 4 %."""
     changes = {"spacing": 0.1, "stretches": 1.4}
     lattice, cloud = (stress_of(scene, "bond-energy", changes | more) for more in ({}, RELAXED))

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from described import SCENES
 from meshes import write_triangles
 
 import pdsurrogate as pds
@@ -256,37 +257,7 @@ def test_faces_end_at_holes_and_edges():
 
 
 PENNY = {"center": [0.5, 0.4, 0.3], "radius": 0.2, "normal": [0.0, 1.0, 0.3]}
-ALONG_ROWS = {
-    "on a row of points": (line((0, 1.05), (1.5, 1.05)), line((0, 1), (1.5, 1)), {}),
-    "on a row, from right to left": (line((1.5, 0.95), (0, 0.95)), line((1.5, 1), (0, 1)), {}),
-    "between rows": (line((0, 0.96), (1.5, 0.96)), line((0, 1), (1.5, 1)), {}),
-    "with an oblique piece": (
-        line((0, 1.02), (1, 1.02), (1.5, 1.32)),
-        line((0, 1), (1, 1), (1.5, 1.32)),
-        {},
-    ),
-    "steps": (
-        line((0, 1.02), (0.83, 1.02), (0.83, 1.26), (1.5, 1.26)),
-        line((0, 1), (0.8, 1), (0.8, 1.3), (1.5, 1.3)),
-        {},
-    ),
-    "panels": (
-        [
-            panel([-1, 0.45, -1], [1.4, 0, 0], [0, 0, 3]),
-            panel([-1, 0.45, 0.27], [1.4, 0, 0], [0, 2, 0]),
-        ],
-        [
-            panel([-1, 0.5, -1], [1.4, 0, 0], [0, 0, 3]),
-            panel([-1, 0.5, 0.3], [1.4, 0, 0], [0, 2, 0]),
-        ],
-        {"body": BLOCK},
-    ),
-    "disc": (
-        [{**PENNY, "center": [0.5, 0.4, 0.27], "normal": [0, 0, -1]}],
-        [{**PENNY, "center": [0.5, 0.4, 0.3], "normal": [0, 0, -1]}],
-        {"body": BLOCK},
-    ),
-}
+ALONG_ROWS = SCENES["cuts along rows"]
 
 
 @pytest.mark.parametrize("case", ALONG_ROWS)
@@ -306,15 +277,7 @@ def test_a_cut_along_rows_parts_whole_cells(case):
 
 BORE = {"shape": "cylinder", "axis": "x3", "base": [0.5, 0.4, -0.2], "radius": 0.15, "length": 1.0}
 HALF = panel([-1, 0.4, -1], [1.4, 0, 0], [0, 0, 3])
-PANELS = {
-    "from a face": ([HALF], 0.24, {}),
-    "beside an edge of cells": ([panel([0.31, 0.43, 0.17], [0.4, 0, 0], [0, 0, 0.3])], 0.12, {}),
-    "on a layer of points": ([panel([0.3, 0.45, -1], [0.4, 0, 0], [0, 0, 3])], 0.24, {}),
-    "oblique": ([panel([-1, -1, -1.05], [1.5, 0, 0], [0, 3, 3])], 0.3 * 2**0.5, {}),
-    "T": ([HALF, panel([-1, 0.4, 0.3], [1.4, 0, 0], [0, 2, 0])], 0.4, {}),
-    "X": ([HALF, panel([-1, -1, 0.3], [1.4, 0, 0], [0, 3, 0])], 0.56, {}),
-    "in a cloud": ([HALF], 0.24, {"body": {**BLOCK, "arrangement": "relaxed"}}),
-}
+PANELS = SCENES["panels"]
 
 
 @pytest.mark.parametrize("case", PANELS)
@@ -367,14 +330,7 @@ def test_the_mouth_of_a_panel_follows_both_of_its_sides():
     np.testing.assert_allclose(rows @ (points[:, 1] > 0.4).astype(float), 0.5, atol=1e-6)
 
 
-TENSION = {
-    "from an edge": (line((0, 0.5), (0.8, 0.5)), "lattice"),
-    "on a row of points": (line((0.5, 0.55), (1.2, 0.55)), "lattice"),
-    "in two pieces": (line((-1, 0.5), (0.4, 0.5), (0.8, 0.5)), "lattice"),
-    "from a plane of symmetry": (line((0, 0.5), (0.83, 0.5)), "lattice"),
-    "in a plane of symmetry": (line((0.5, 0), (1.2, 0)), "lattice"),
-    "in a cloud": (line((0.5, 0.5), (1.2, 0.5)), "relaxed"),
-}
+TENSION = SCENES["cuts in tension"]
 
 
 @pytest.mark.parametrize("case", TENSION)
@@ -411,12 +367,7 @@ def assert_homogeneous(cuts, evaluations, **fields):
     assert result.levels[-1]["evaluations"] < evaluations
 
 
-IN_SPACE = {
-    "a branch": ([HALF, panel([-1, 0.4, 0.3], [1.4, 0, 0], [0, 2, 0])], "lattice"),
-    "on a layer of points": ([panel([0.3, 0.45, -1], [0.4, 0, 0], [0, 0, 3])], "lattice"),
-    "a disc": ([PENNY], "lattice"),
-    "in a cloud": ([HALF], "relaxed"),
-}
+IN_SPACE = SCENES["cuts in space"]
 
 
 @pytest.mark.parametrize("case", IN_SPACE)

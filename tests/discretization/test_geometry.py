@@ -5,7 +5,9 @@ cross, supports at a place, folded corners.
 import matplotlib
 import numpy as np
 import pytest
+from described import SCENES
 from meshes import write_bar, write_triangles
+from refusals import refused
 from runs import started
 
 import pdsurrogate as pds
@@ -105,61 +107,13 @@ def test_groups_that_are_a_part_of_a_face_hold_their_points(bar):
     assert not run_of(**pulled(bar, {"group": "lower end"}, "right", support="points")).body.planes
 
 
-SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-STAR = tuple(
-    (float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2 + 0.8 * np.pi * np.arange(5)
-)
-
-
-@pytest.mark.parametrize(
-    ("vertices", "message"),
-    [
-        (((0, 0), (2, 2), (2, 0), (0, 2)), "crosses itself, or runs around itself"),
-        (STAR, "crosses itself, or runs around itself"),
-        (
-            SQUARE + SQUARE,
-            "crosses itself, or runs around itself more than once",
-        ),
-        (
-            ((0, 0), (1, 1), (2, 2), (2, 0), (1, 1), (0, 2)),
-            "crosses itself, or runs around itself more than once",
-        ),
-        # A side that goes through a corner where the outline does not cross, and on through another
-        # side.
-        (
-            ((0, 0), (4, 0), (4, 2), (1, 2), (3, -1), (2, -1), (0, 2)),
-            "crosses itself, or runs around itself",
-        ),
-        (SQUARE + SQUARE[::-1], "the polygon has no area"),
-    ],
-)
+@refused("outlines")
 def test_outlines_that_cross_or_run_twice_are_refused(vertices, message):
     with pytest.raises(pds.SceneError, match=message):
         pds.shapes.Polygon(vertices=vertices)
 
 
-@pytest.mark.parametrize(
-    "vertices",
-    [
-        SQUARE,
-        SQUARE[::-1],
-        (*SQUARE, SQUARE[0]),
-        ((0, 0), (1, 1), (2, 0), (2, 2), (1, 1), (0, 2)),  # two triangles that touch
-        ((0, 0), (2, 0), (2, 2), (1, 0), (0, 2)),  # a corner that touches a side
-        (
-            (0, 0),
-            (3, 0),
-            (3, 3),
-            (0, 3),
-            (0, 0),
-            (1, 1),
-            (1, 2),
-            (2, 2),
-            (2, 1),
-            (1, 1),
-        ),  # an opening, and the way to it and back
-    ],
-)
+@pytest.mark.parametrize("vertices", SCENES["outlines that touch themselves"]["cases"])
 def test_outlines_that_touch_themselves_are_taken(vertices):
     assert pds.shapes.Polygon(vertices=vertices).shape == "polygon"
     assert (
@@ -313,28 +267,7 @@ def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
         run_of(**sheet, **grips)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"prescribed": ({"region": "left", "x1": 0.0},)},
-            "prescribed: nothing keeps the body from moving along x2",
-        ),
-        (
-            {"prescribed": ({"region": "left", **CLAMPED}, {"region": "bottom", "x1": 0.1})},
-            "prescribed.0 and prescribed.1 move point 0",
-        ),
-        (
-            {"loads": ({"region": "left", "traction": (1.0, 0.0)},)},
-            "loads.0.region: the region contains the left edge, which is held by",
-        ),
-        (
-            {"body": {"shape": "circle", "radius": 0.5}},
-            "prescribed: the body has no straight edge with material at its left end",
-        ),
-        ({"spacing": 1e-7}, "spacing 1e-07 makes 1.2e+14 points"),
-    ],
-)
+@refused("previews")
 def test_the_preview_refuses_what_a_run_refuses(changes, message):
     sheet = {
         "body": {"shape": "rectangle", "size": (1.2, 1.0)},
@@ -422,39 +355,8 @@ def test_cells_at_a_round_hole_do_not_depend_on_the_unit_of_length(dimension, ra
     np.testing.assert_allclose(usual.volumes[places[0]], usual.volumes[places[1]], rtol=1e-9)
 
 
-def line(start, end):
-    return {"start": start, "end": end}
-
-
 # cuts of a sheet of which one half or quarter is computed, and those of the whole sheet
-MIRRORED_CUTS = {
-    "ends at the edge": ([line([0.0, 0.5], [0.5, 0.5])], [line([-0.5, 0.5], [0.5, 0.5])]),
-    "goes on beyond the edge": (
-        [line([-3.0, 0.5], [0.5, 0.5])],
-        [line([-0.5, 0.5], [0.5, 0.5])],
-    ),
-    "near the edge": (
-        [line([0.17, 0.2], [0.17, 0.8])],
-        [line([0.17, 0.2], [0.17, 0.8]), line([-0.17, 0.2], [-0.17, 0.8])],
-    ),
-    "through a column of points": (
-        [line([0.15, 0.2], [0.15, 0.8])],
-        [line([0.15, 0.2], [0.15, 0.8]), line([-0.15, 0.8], [-0.15, 0.2])],
-    ),
-    "in the edge": ([line([0.0, 0.23], [0.0, 0.78])], [line([0.0, 0.23], [0.0, 0.78])]),
-    "in the edge, upside down": (
-        [line([0.0, 0.78], [0.0, 0.23])],
-        [line([0.0, 0.78], [0.0, 0.23])],
-    ),
-    "slanting through the edge": (
-        [line([-0.3, 0.32], [0.6, 0.68])],
-        [line([0.0, 0.44], [0.6, 0.68]), line([0.0, 0.44], [-0.6, 0.68])],
-    ),
-    "slanting through the corner": (
-        [line([-0.21, -0.2], [0.39, 0.4])],
-        [line([0.0, b * 0.01], [a * 0.39, b * 0.4]) for a in (1, -1) for b in (1, -1)],
-    ),
-}
+MIRRORED_CUTS = SCENES["mirrored cuts"]
 
 
 def neighbors_in(corner, body, cuts, rollers):
@@ -497,17 +399,7 @@ def test_a_precut_goes_on_beyond_a_held_edge_as_its_mirror_image(case):
     assert part == neighbors_in([0.0, 0.0], {"size": size, "lower": lower}, all_cuts, [])
 
 
-DISC = {"center": [0.0, 0.32, 0.3], "radius": 0.37, "normal": [0.0, 0.0, 1.0]}
-MIRRORED_CUTS_OF_SOLIDS = {
-    "disc": ([DISC], [DISC]),
-    "slanting": (
-        [{"corner": [-0.2, 0.12, 0.21], "sides": [[0.6, 0.0, 0.15], [0.0, 0.3, 0.0]]}],
-        [
-            {"corner": [0.0, 0.12, 0.26], "sides": [[a * 0.4, 0.0, 0.1], [0.0, 0.3, 0.0]]}
-            for a in (1, -1)
-        ],
-    ),
-}
+MIRRORED_CUTS_OF_SOLIDS = SCENES["mirrored cuts of solids"]
 
 
 @pytest.mark.parametrize("case", MIRRORED_CUTS_OF_SOLIDS)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from described import SCENES
 
 import pdsurrogate as pds
 from pdsurrogate.decks import files_of, read_deck
@@ -110,50 +111,9 @@ def test_a_file_whose_groups_cannot_be_told_apart_is_refused():
         describe_mesh(MESHES / "same-name.msh")
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        # meshio 5.3.5 loses members of each of the first six
-        (
-            f"*ELEMENT, TYPE=CPS4, ELSET=stiff\n{square(1)}{square(2)}"
-            f"*ELEMENT, TYPE=CPS4\n{square(3)}*element, type=cps4, elset=Stiff\n{square(4)}",
-            {"stiff": [0, 1, 3]},
-        ),
-        (f"{FOUR}*ELSET, ELSET=a\n1\n*ELSET, ELSET=A\n4,\n", {"a": [0, 3]}),
-        # comments and empty lines end no block (findings/meshio_comments.sh)
-        (
-            FOUR.replace("3, 3", "** more\n\n3, 3") + "*ELSET, ELSET=a\n1\n**\n4,\n",
-            {"a": [0, 3]},
-        ),
-        (
-            f"{FOUR}*NSET, NSET=a\n1, 2, 11\n*NSET, NSET=a, GENERATE\n12, 13\n*NSET, NSET=a\n3\n",
-            {"a": [0, 1]},
-        ),
-        (f"{FOUR}*ELSET, ELSET=a, GENERATE\n1, 4, 3\n*ELSET, ELSET=b\na, 2\n", {"b": [0, 1, 3]}),
-        (f"{FOUR}*ELSET, ELSET=a\n2, 3\n*NSET, NSET=b, ELSET=a\n", {"a": [1, 2], "b": [1, 2]}),
-        (f'{FOUR}*ELSET, ELSET="my set",\nUNSORTED\n1,\n2\n', {"my set": [0, 1]}),
-        # sides of cells: all nodes of a line, of the outline, or between two squares
-        (f"{FOUR}*NSET, NSET=top, GENERATE\n11, 15\n", {"top": [0, 1, 2, 3]}),
-        (f"{FOUR}*NSET, NSET=left\n1, 11\n", {"left": [0]}),
-        (f"{FOUR}*NSET, NSET=seam\n3, 13\n", {"seam": [1, 2]}),
-        (f"{FOUR}*NSET, NSET=two\n1, 13\n", {"two": []}),
-        (f"{FOUR}*SURFACE, NAME=s\n1, S4\n4, S2\n", {"s": [0, 3]}),
-        (f"{FOUR}*SURFACE, NAME=s, TYPE=NODE\n5\n15\n", {"s": [3]}),
-        (
-            f"{FOUR}*ELSET, ELSET=_e_S3, INTERNAL\n2, 3\n*SURFACE, NAME=e\n_e_S3, S3\n",
-            {"e": [1, 2]},
-        ),
-        # one name for sets of elements and of nodes: as one, or apart if the cells differ
-        (f"{FOUR}*ELSET, ELSET=a\n1\n*NSET, NSET=a\n1, 11\n", {"a": [0]}),
-        (
-            f"{FOUR}*ELSET, ELSET=a\n1\n*NSET, NSET=a\n5, 15\n",
-            {"a (ELSET)": [0], "a (NSET)": [3]},
-        ),
-        (f"{FOUR}*ELSET, ELSET=a\n1\n*NSET, NSET=a\n5\n", {"a": [0]}),
-    ],
-)
-def test_sets_of_a_deck_as_abaqus_and_calculix_define_them(tmp_path, text, expected):
-    found = cells_of(mesh_of_text(tmp_path, STRIP + text)[0])
+@pytest.mark.parametrize("case", SCENES["sets of a deck"])
+def test_sets_of_a_deck_as_abaqus_and_calculix_define_them(tmp_path, case):
+    found, expected = cells_of(mesh_of_text(tmp_path, STRIP + case["text"])[0]), case["expected"]
     assert found.pop("every") == [0, 1, 2, 3]
     assert {name: found[name] for name in expected} == expected
     assert found.keys() - expected <= {"a"}

@@ -8,16 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calculix import needs_calculix
 from calculix_cubes import bonded, cube, in_calculix, in_felupe
-from test_export import imported, soft, written
+from test_export import SOURCES, imported, written
 
 import pdsurrogate as pds
-from pdsurrogate.cards.constants import as_read
-from pdsurrogate.cards.programs import PROGRAMS
-from pdsurrogate.cards.writing import card_of
-from pdsurrogate.export import source_of_artifact, source_of_law
-from pdsurrogate.materials import LAWS, Branch, Memory, Softening
+from pdsurrogate.export import source_of_law
+from pdsurrogate.materials import Branch, Memory, Softening
 
 OBJECTS = Path(__file__).parents[2] / "build/calculix"
 needs_objects = pytest.mark.skipif(
@@ -27,34 +23,8 @@ needs_objects = pytest.mark.skipif(
 LIBRARIES = ("-lspooles", "-larpack", "-llapack", "-lblas", "-lpthread", "-lm", "-fopenmp")
 
 
-LAWS_OF_CARDS = (
-    pds.materials.NeoHookean(1.0),
-    pds.materials.MooneyRivlin(1.0, second_share=0.4),
-    pds.materials.Yeoh(1.0, second=-0.02, third=0.01),
-    pds.materials.Ogden(moduli=(2 / 3,), exponents=(3.0,)),
-    pds.materials.ArrudaBoyce(1.0, chain_links=9.0),
-)
-
-
-@needs_calculix
-@pytest.mark.parametrize("law", LAWS_OF_CARDS, ids=lambda law: law.name)
-def test_a_bonded_cube_of_a_card_has_the_force_of_the_same_energy(law, tmp_path):
-    """A peridynamic lattice would be another discretization: FElupe has the same elements."""
-    meant = as_read(law, PROGRAMS["calculix-card"].forms[law.name].U)
-    material = imported(written(source_of_law(meant), "felupe", tmp_path)).Material()
-    nodes, cells = cube(2)
-    moves = bonded(nodes, 1.5)
-    card = card_of(law, "calculix-card", "RUBBER")
-    forces, _ = in_calculix(tmp_path, card, nodes, cells, moves, 4)
-    expected = in_felupe(material, nodes, cells, moves, 4)
-    assert abs(forces - expected).max() <= 1e-5 * abs(expected).max()
-
-
 REMEMBERING = Memory((Branch(0.8, 2.0), Branch(1.7, 0.3)), Softening(1.5, 0.1, 0.2))
-MATERIALS = {
-    "gent": lambda: source_of_law(soft(LAWS["gent"])),
-    "ogden": lambda: source_of_law(soft(LAWS["ogden"])),
-    "isochoric network": lambda: source_of_artifact("neo-hookean-isochoric"),
+MATERIALS = {name: SOURCES[name] for name in ("gent", "ogden", "neo-hookean-isochoric")} | {
     "memory": lambda: source_of_law(pds.materials.Yeoh(0.4, 4.0, memory=REMEMBERING)),
 }
 

@@ -172,6 +172,8 @@ def test_bonds_outside_the_domain():
 def test_settings_are_checked():
     with pytest.raises(ValueError, match="precision must be one of float32, float64, not 'half'"):
         ForceSettings(precision="half")
+    with pytest.raises(ValueError, match="plane must be one of stress, strain, space, not 'none'"):
+        ForceSettings(plane="none")
 
 
 def test_single_point_perturbation_meets_a_restoring_force():

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from bodies import build_body
+from described import SCENES
 from meshes import write_plate
 from probes import assert_slope
 from scipy.spatial import cKDTree
@@ -23,7 +24,6 @@ from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(1.0, 100.0)
 RUBBER = LAW.describe()
-RING = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0}]}
 FIXED, TURNED = (
     {"region": "outline", "x1": 0.0, "x2": 0.0},
     {
@@ -32,17 +32,7 @@ FIXED, TURNED = (
         "about": [0.0, 0.0],
     },
 )
-SHAPES = {
-    "ring": RING,
-    "ellipses": {
-        "body": {"shape": "ellipse", "semi_axes": [2.0, 1.6]},
-        "holes": [{"shape": "ellipse", "semi_axes": [0.6, 0.7], "center": [0.3, 0.1]}],
-    },
-    "polygon": {
-        "body": {"shape": "polygon", "vertices": [[-2, -1.5], [1.5, -2], [2, 1.4], [-1, 2]]},
-        "holes": [{"shape": "circle", "radius": 0.5, "center": [0.1, -0.1]}],
-    },
-}
+SHAPES = SCENES["held boundaries"]
 MOTIONS = (1.5, 0.02), (-2.0, -0.01)
 """Angle in degrees, and displacement along x1, of the outline and of the hole."""
 
@@ -190,15 +180,7 @@ def test_a_bushing_is_as_its_closed_solution():
     assert moved["displacements"]["holes"] == pytest.approx([0.2, 0.0], abs=1e-3)
 
 
-BALL = {
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
-    "body": {"shape": "sphere", "radius": 1.0},
-    "holes": [{"shape": "sphere", "radius": 0.5}],
-    "prescribed": [
-        {"region": "outline", "x1": 0.0, "x2": 0.0, "x3": 0.0},
-        {"region": "holes", "rotation": 5.0, "about": [0.0, 0.0, 0.0], "axis": [0.0, 0.0, 1.0]},
-    ],
-}
+BALL = SCENES["ball in a shell"]
 
 
 def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
@@ -246,45 +228,7 @@ def test_planes_of_symmetry_mirror_the_images_beyond_a_held_hole():
     np.testing.assert_allclose(quarter.all_volumes[place], whole.all_volumes[near], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("changes", "names"),
-    [
-        ({}, ["holes.0", "outline"]),
-        ({"support": "points"}, []),
-        ({"prescribed": [FIXED, {"region": "holes.0", "x1": 0.0}]}, ["outline"]),
-        (
-            {"holes": [{"shape": "rectangle", "size": [1.0, 1.0], "lower": [-0.5, -0.5]}]},
-            ["outline"],
-        ),
-        ({"holes": [{"shape": "ellipse", "semi_axes": [1.0, 0.5]}]}, ["outline"]),
-        (
-            {
-                "body": {
-                    "shape": "polygon",
-                    "vertices": [[-2, -2], [2, -2], [2, 2], [0, 1.7], [-2, 2]],
-                }
-            },
-            ["holes.0"],
-        ),
-        ({"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}}, ["holes.0", "outline"]),
-        (
-            {
-                "prescribed": [
-                    FIXED,
-                    {"region": {"disc": {"center": [0, 0], "radius": 1.1}}, "x1": 0.0},
-                ]
-            },
-            ["outline"],
-        ),
-        (
-            {
-                "prescribed": [{"region": "rim", "x1": 0.0, "x2": 0.0}],
-                "regions": {"rim": {"and": ["outline"]}},
-            },
-            ["outline"],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("changes", "names"), SCENES["mirrored boundaries"]["cases"])
 def test_boundaries_are_mirrored_where_all_of_them_is_held(changes, names):
     assert [plane.name for plane in build_body(scene_of(**changes)).planes] == names
 

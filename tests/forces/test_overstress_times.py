@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from test_pair_memory import MU, PLANES, K, bound, check_gradient, evaluate, moved
+from test_pair_memory import MU, PLANES, K, bound, check_gradient, moved
 
 import pdsurrogate as pds
 from pdsurrogate.forces.internal_force import dissipated_by, numbers_in_place, settle
 from pdsurrogate.materials import Branch, Memory, NeoHookean
+from pdsurrogate.testing.subject import forces_at
 
 TIMES = (0.3, 5.0), (1.0, 1.0), (6.0, 0.02)
 BRANCHES = Branch(3.0, 5.0, TIMES), Branch(0.5, 20.0)
@@ -88,9 +89,9 @@ def run(plane, end, steps):
     for t in np.linspace(0, end, steps + 1)[1:]:
         force.elapse(end / steps)
         F = (np.eye(3) + t * SHEAR)[:d, :d]
-        evaluate(force, force.body.points @ F.T)
+        forces_at(force, force.body.points @ F.T)
         force.accept(force.body.points @ F.T)
-    evaluate(force, force.body.points @ F.T)
+    forces_at(force, force.body.points @ F.T)
     return force.mean_stress(), dissipated_by(force)["branches"] / force.body.volumes.sum()
 
 
@@ -128,18 +129,18 @@ def test_times_of_a_step_settle_at_its_end(plane):
     force = bound(plane, steep())
     first, second = moved(force, plane, 1), moved(force, plane, 2)
     force.elapse(0.5)
-    expected = evaluate(force, second)
+    expected = forces_at(force, second)
     assert not settle(force, second)
     force.elapse(0.5)
-    off = evaluate(force, first), evaluate(force, second)
+    off = forces_at(force, first), forces_at(force, second)
     assert np.abs(off[1] - expected).max() > 1e-3 * np.abs(expected).max()
     while settle(force, second):
         pass
     np.testing.assert_allclose(
-        evaluate(force, second), expected, atol=2e-3 * np.abs(expected).max()
+        forces_at(force, second), expected, atol=2e-3 * np.abs(expected).max()
     )
     force.elapse(np.inf)
-    evaluate(force, first)
+    forces_at(force, first)
     assert not settle(force, second)
 
 
@@ -147,12 +148,12 @@ def test_pairs_that_a_first_guess_turns_inside_out_relax_as_if_held():
     force = bound("strain", steep())
     force.elapse(0.5)
     with pytest.raises(RuntimeError):
-        evaluate(force, force.body.points * [-1.0, 1.0])
+        forces_at(force, force.body.points * [-1.0, 1.0])
     held = moved(force, "strain", 1)
-    expected = evaluate(force, held)
+    expected = forces_at(force, held)
     force.elapse(0.5)
-    evaluate(force, force.body.points)
-    np.testing.assert_allclose(evaluate(force, held), expected, rtol=1e-6)
+    forces_at(force, force.body.points)
+    np.testing.assert_allclose(forces_at(force, held), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -163,9 +164,9 @@ def test_equal_times_at_all_overstresses_are_a_constant_time(plane):
     for number, dt in enumerate((0.7, 3.0)):
         for force in (constant, equal):
             force.elapse(dt)
-            evaluate(force, moved(force, plane, number))
+            forces_at(force, moved(force, plane, number))
             force.accept(moved(force, plane, number))
-    found = [evaluate(force, moved(force, plane, 2)) for force in (equal, constant)]
+    found = [forces_at(force, moved(force, plane, 2)) for force in (equal, constant)]
     np.testing.assert_allclose(*found, rtol=1e-8, atol=1e-10)
 
 
@@ -175,5 +176,5 @@ def test_parameters_can_change():
     with numbers_in_place(force, [(other.law, pds.BondEnergyForce())]):
         for one in (force, other):
             one.elapse(0.5)
-            one.last = evaluate(one, places)
+            one.last = forces_at(one, places)
     np.testing.assert_array_equal(force.last, other.last)

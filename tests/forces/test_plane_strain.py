@@ -12,13 +12,12 @@ from pdsurrogate.body import Ghosts, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
 from pdsurrogate.results.measures import PointState, strain_energy
-from pdsurrogate.scenes import MaterialSpec, SceneError
-from pdsurrogate.testing.bodies import turn, wavy
+from pdsurrogate.scenes import MaterialSpec
+from pdsurrogate.testing.bodies import gripped, turn, wavy
 from pdsurrogate.testing.subject import forces_at
 
 LAW = NeoHookean(2.0, 2000.0)
 EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}
-STRAIN = ForceSettings(plane="strain")
 F = turn(40) @ np.array([[1.4, 0.25], [-0.1, 0.74]])
 """A turned state of 5 percent more volume."""
 
@@ -120,25 +119,6 @@ def test_what_was_learned_of_a_sheet_alone_is_refused(name):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 
 
-def test_what_the_selective_energy_cannot_do_is_refused():
-    with pytest.raises(
-        ValueError, match=r"bond-energy .* precision=float32 .*; it supports precision=float64"
-    ):
-        bound(EXACT["bond-energy"], sheet(0.2), precision="float32")
-
-
-def test_a_fracture_energy_is_known_in_plane_strain_where_tears_were_measured_alone():
-    with pytest.raises(SceneError, match=r"fracture\.energy .* set fracture\.critical_stretch"):
-        pds.load_scene(
-            "tear", {"plane": "strain", "horizon_ratio": 6.0, "fracture": {"energy": 1.0}}
-        )
-
-
-def test_an_unknown_plane_is_refused():
-    with pytest.raises(ValueError, match="plane must be one of stress, strain, space, not 'none'"):
-        ForceSettings(plane="none")
-
-
 BODIES = {
     "sheet": sheet,
     "disc": disc_with_hole,
@@ -162,26 +142,32 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
 
 
 @pytest.mark.parametrize("stretch", [0.8, 1.5])
-@pytest.mark.parametrize("name", ["analytic", "nosb", "bond-energy"])
-def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
-    """Free sides included: the exact state of a solid with F33 = 1 is at rest, and the grips'
-    force is its stress.
+@pytest.mark.parametrize("bulk_modulus", [200.0, 2000.0])
+@pytest.mark.parametrize(
+    ("plane", "name"),
+    [
+        *(("strain", name) for name in EXACT),
+        *(("space", name) for name in ("nosb", "bond-energy")),
+    ],
+)
+def test_between_rollers_a_body_is_in_its_homogeneous_state(plane, name, bulk_modulus, stretch):
+    """Free sides included: the exact state of a solid, in plane strain with F33 = 1, is at rest,
+    and the grips' force is its stress.
     """
-    state = homogeneous.uniaxial(LAW, stretch, "strain")
-    P = solid.first_piola_stress(LAW, np.diag([stretch, state.lateral_stretch, 1.0]))
-    assert abs(P[1, 1]) < 1e-12 * LAW.bulk_modulus
+    law, body = NeoHookean(2.0, bulk_modulus), gripped(3 if plane == "space" else 2)
+    state = homogeneous.uniaxial(law, stretch, plane)
+    stretches = np.array([stretch, state.lateral_stretch, state.thickness_stretch])
+    P = solid.first_piola_stress(law, np.diag(stretches))
+    assert abs(P[1, 1]) < 1e-12 * bulk_modulus
     assert state.nominal_stress == pytest.approx(P[0, 0], rel=1e-11)
-    body = gripped_sheet((-1, 1))
-    force = bound(EXACT[name], body)
-    force.move_plane(1, [1.2 * (stretch - 1), 0.0])
-    residual = np.abs(forces_at(force, body.points * [stretch, state.lateral_stretch])).max() / (
-        LAW.shear_modulus * body.spacing
-    )
-    assert residual < 1e-9
-    pairs = force.pair_forces()[
-        (body.bonds.second >= len(body)) & (body.all_points[body.bonds.second, 0] > 1.2)
-    ]
-    assert pairs[:, 0].sum() == pytest.approx(P[0, 0], rel=1e-10)
+    force = EXACT[name].bind(body, law, ForceSettings(plane=plane))
+    force.move_plane(1, 1.2 * (stretch - 1) * np.eye(body.dimension)[0])
+    residual = np.abs(forces_at(force, body.points * stretches[: body.dimension])).max()
+    assert residual < 1e-9 * law.shear_modulus * body.spacing ** (body.dimension - 1)
+    pulls = force.pair_forces()[body.all_points[body.bonds.second, 0] > 1.2]
+    area = 1.0 if plane == "strain" else 0.4
+    expected = area * P[0, : body.dimension]
+    np.testing.assert_allclose(pulls.sum(axis=0), expected, atol=1e-10 * abs(P[0, 0]))
 
 
 def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mirrored():

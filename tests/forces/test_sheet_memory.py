@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_pair_memory import check_gradient, evaluate
+from test_pair_memory import check_gradient
 
 import pdsurrogate as pds
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.materials import Branch, Gent, Memory, NeoHookean, Ogden, Softening
 from pdsurrogate.testing.bodies import lattice, of_points
+from pdsurrogate.testing.subject import forces_at
 
 MEMORY = Memory((Branch(2.0, 1.0), Branch(0.5, 20.0)), Softening(1.6, 0.1, 0.2))
 HOMOGENEOUS = [[1.4, 0.2], [-0.1, 0.8]]
@@ -47,7 +49,7 @@ def after_a_step(force, wild=0.01):
     for F in (np.diag([1.8, 0.9]), np.array(HOMOGENEOUS)):
         positions = points @ F.T + wild * rng.normal(size=points.shape)
         force.elapse(0.4)
-        out = evaluate(force, positions)
+        out = forces_at(force, positions)
         if F[0, 0] == 1.8:
             force.accept(positions)
     return positions, out
@@ -86,13 +88,14 @@ def test_thickness_of_a_pair_depends_on_no_other(softening):
     )
     found = []
     for each in (positions, moved):
-        evaluate(force, each)
+        forces_at(force, each)
         found.append(force.pair_forces(far))
     assert np.array_equal(*found)
 
 
 def test_threads_share_no_working_memory():
-    force = bound(MEMORY, sides=(5.0, 5.0))
+    with thread_count(2):
+        force = bound(MEMORY, sides=(5.0, 5.0))
     positions, out = after_a_step(force)
     for _ in range(5):
-        assert np.array_equal(evaluate(force, positions), out)
+        assert np.array_equal(forces_at(force, positions), out)

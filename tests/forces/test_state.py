@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from described import SCENES
 from springs import SofteningForce, SofteningSprings
 from stopping import Killed, killed_with_levels, while_bonds_break
 
@@ -14,18 +15,7 @@ from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers.stability import FrequencyEstimate
 
 SCENE = {"spacing": 0.25, "stretches": [1.2, 1.1], "solver.method": "relaxation"}
-TEAR = {
-    "spacing": 0.1,
-    "body.size": [2.0, 0.6],
-    "precuts": [{"start": [0.0, 0.3], "end": [0.6, 0.3]}],
-    "stretches": [1.1, 1.4],
-    "fracture.critical_stretch": 1.4,
-    "dynamics.stretch": 1.45,
-    "dynamics.stretch_rate": 100.0,
-    "dynamics.outputs": 2,
-    "material.shear_modulus": 720.0,
-    "solver.method": "relaxation",
-}
+TEAR = SCENES["coarse tear"]
 
 
 def greatest(springs, states):

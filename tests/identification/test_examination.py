@@ -228,23 +228,9 @@ def written(tmp_path):
 
 def test_commands_tell_and_refuse(good, written, tmp_path):
     def fit(data, *more):
-        settings = [
-            "--law",
-            "mooney-rivlin",
-            "--samples",
-            500,
-            "--folds",
-            0,
-            "--degree",
-            "8,4",
-            "--least",
-            0.6,
-            "--greatest",
-            3,
-        ]
-        return invoke(
-            "fit", "x", "--data", written(data), *settings, "--out", tmp_path / "artifacts", *more
-        )
+        settings = "--law mooney-rivlin --samples 500 --folds 0 --degree 8,4"
+        limits = "--least 0.6 --greatest 3 --out", tmp_path / "artifacts"
+        return invoke("fit x --data", written(data), settings, limits, more)
 
     wrong = changed(good, 4, -0.5)
     refused = fit(wrong)
@@ -267,9 +253,7 @@ def test_commands_tell_and_refuse(good, written, tmp_path):
     told = invoke(
         "identify",
         written(changed(good, 4, 5 * good.nominal_stress[4])),
-        "--law",
-        "mooney-rivlin",
-        "--json",
+        "--law mooney-rivlin --json",
     )
     assert "row 5 (uniaxial, stretch 2.18571" in told.stderr
     assert "row 5" in json.loads(told.stdout[told.stdout.index("{") :])["laws"][0]["remarks"][0]
@@ -277,29 +261,14 @@ def test_commands_tell_and_refuse(good, written, tmp_path):
 
 def test_fit_simulates_the_tests_with_its_artifact(good, written, tmp_path):
     options = [
-        "--samples",
-        500,
-        "--folds",
-        0,
-        "--degree",
-        "12,6",
-        "--least",
-        0.55,
-        "--greatest",
-        3.2,
-        "--out",
+        "--samples 500 --folds 0 --degree 12,6 --least 0.55 --greatest 3.2 --out",
         tmp_path / "artifacts",
     ]
     done = commanded(
-        "fit",
-        "x",
-        "--data",
+        "fit x --data",
         written(good),
-        "--law",
-        "mooney-rivlin",
-        "--bulk-modulus",
-        80,
-        *options,
+        "--law mooney-rivlin --bulk-modulus 80",
+        options,
         "--json",
     )
     assert "the volume grows by 8 % in the tests" in done.stderr
@@ -330,22 +299,10 @@ def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artifact(good, w
     the artifact.
     """
     options = [
-        "--samples",
-        500,
-        "--folds",
-        0,
-        "--degree",
-        "8,4",
-        "--least",
-        0.4,
-        "--greatest",
-        2.0,
-        "--out",
+        "--samples 500 --folds 0 --degree 8,4 --least 0.4 --greatest 2.0 --out",
         tmp_path / "artifacts",
     ]
-    done = commanded(
-        "fit", "x", "--data", written(good), "--law", "mooney-rivlin", *options, "--json"
-    )
+    done = commanded("fit x --data", written(good), "--law mooney-rivlin", options, "--json")
     found = json.loads(done.stdout[done.stdout.index("{\n") : done.stdout.rindex("\n}") + 2])
     # Of the eight stretches of each mode from 1.1 to 3 four are greater than 2; 0.4 is less than
     # the inverse root of all.

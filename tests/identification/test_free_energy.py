@@ -295,29 +295,6 @@ def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between,
         )
 
 
-def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
-    """Isihara's rubber: a law with powers of invariants through a card, a learned force, and the
-    exact one, in the same scene.
-    """
-    stretch = np.linspace(1.05, 2.5, 12)
-    X = np.concatenate(
-        [np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))]
-    )
-    law = pds.identification.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
-    assert isinstance(law, pds.materials.Polyconvex)
-    samples = pds.training_samples(law, 1000, (0.6, 2.2), random_state=0)
-    model = polynomial(samples, (10, 5))
-    path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
-    scene = pds.load_scene(
-        "uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with
-    )
-    right = nominal_stress(law, np.array([[1.5, 1.5**-0.5]]))[0]
-    for force, most in ((path, 2e-3), ("analytic", 1e-5)):
-        assert pds.simulate(scene, force).levels[0]["nominal_stress"] == pytest.approx(
-            right, rel=most
-        )
-
-
 def test_a_row_twice_is_one_of_twice_the_weight(random):
     """Whatever the order of the rows is: which are left out together goes by their states."""
     stretch = np.linspace(1.1, 2.5, 9)
@@ -358,37 +335,15 @@ def test_two_commands_from_data_to_a_run(tmp_path):
     """
 
     folder = tmp_path / "artifacts"
-    fit = [
-        "fit",
-        "mine",
-        "--data",
-        "kawabata",
-        "--free",
-        "--folds",
-        "0",
-        "--samples",
-        "1500",
-        "--out",
-        str(folder),
-    ]
-    done = commanded(*fit)
+    commanded("fit mine --data kawabata --free --folds 0 --samples 1500 --out", folder)
     card = pds.load_card(folder / "mine")
     assert card.domain.least_stretch == 0.52
     assert card.domain.greatest_stretch == 3.7
     assert card.training["identification"]["r_squared"]["biaxial"] > 0.999
-    run = [
-        "run",
-        "uniaxial",
-        "--set",
-        "spacing=0.2",
-        "--set",
-        "stretches=1.5",
-        "--force",
-        str(folder / "mine"),
-    ]
-    done = commanded(*run)
+    options = "--set spacing=0.2 --set stretches=1.5 --force"
+    done = commanded("run uniaxial", options, folder / "mine")
     assert 'Material of mine@1: {law="polyconvex", shear_modulus=' in done.output  # kPa
-    commanded("fit", "mine", "--free", "--out", folder, status=2)
+    commanded("fit mine --free --out", folder, status=2)
 
 
 def test_one_mode_or_state_is_told():

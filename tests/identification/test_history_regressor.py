@@ -263,7 +263,7 @@ def test_a_start_may_leave_out_terms_of_a_law():
 
 def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(file):
     told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--branches"]
-    done = commanded("identify", *told, "auto", "--json")
+    done = commanded("identify", told, "auto --json")
     found = json.loads(done.stdout)["laws"][0]
     assert [one["time"] for one in found["law"]["branches"]] == pytest.approx([2, 40], rel=0.1)
     assert found["rates"] == pytest.approx([0.01 * 1.9 / 3, 0.9], rel=0.02)
@@ -272,7 +272,7 @@ def test_the_command_reports_branches_and_refuses_what_does_not_go_with_them(fil
         (["1", "--hold-out"], "do not go"),
         (["1", "--terms", 2], "needs --law ogden"),
     ):
-        done = invoke("identify", *told, *wrong)
+        done = invoke("identify", told, wrong)
         assert done.exit_code
         assert words in " ".join(done.output.split())
 
@@ -282,7 +282,7 @@ def test_the_command_fits_softening_without_times(tmp_path):
     X, y = (one[:80] for one in cycles(law, 0.003, path=[1, 2, 1.1, 2, 1.2], rates=(1.0,)))
     file = table(tmp_path / "a.csv", "stretch,nominal stress (MPa)", (X[:, 0], y))
     told = [file, "--mode", "uniaxial", "--law", "neo-hookean", "--softening", "--json"]
-    done = commanded("identify", *told)
+    done = commanded("identify", told)
     found = json.loads(done.stdout)["laws"][0]
     assert found["form"] == "neo-hookean with softening"
     assert found["law"]["softening"]["r"] == pytest.approx(3.0, rel=0.05)
@@ -293,8 +293,8 @@ def test_the_command_fits_softening_without_times(tmp_path):
 
 @pytest.mark.slow
 def test_an_artifact_gives_its_branches_to_a_scene(file, tmp_path):
-    told = ["--mode", "uniaxial", "--branches", "2", "--samples", "2000", "--out", tmp_path]
-    commanded("fit", "relaxing", "--data", file, *told)
+    told = ["--mode uniaxial --branches 2 --samples 2000 --out", tmp_path]
+    commanded("fit relaxing --data", file, told)
     scene = pds.load_scene("uniaxial", {"plane": "strain", "reference": None})
     minutes = scene.model_copy(update={"units": scene.units.model_copy(update={"time": "min"})})
     for given, minute in ((scene, 1), (minutes, 60)):

@@ -118,7 +118,7 @@ def written(data, folder):
 
 
 def test_commands_take_the_loading_branch(cycle, tmp_path):
-    done = commanded("identify", written(cycle, tmp_path), "--law", "gent")
+    done = commanded("identify", written(cycle, tmp_path), "--law gent")
     assert "20 of 39 rows are taken (the first loading)" in " ".join(done.stderr.split())
     assert "20 rows" in " ".join(done.output.split())
 

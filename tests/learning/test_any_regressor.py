@@ -22,7 +22,6 @@ from sklearn.preprocessing import (
 )
 
 import pdsurrogate as pds
-from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.forces import Domain, NetworkForce, SplineForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.learning import surrogate_of
@@ -332,17 +331,6 @@ def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
         pds.evaluate("nosb", LAW)
 
 
-def test_a_forest_runs_from_its_artifact(samples, tmp_path):
-    model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
-    path = pds.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
-    scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
-    stress = [
-        pds.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)
-    ]
-    assert abs(stress[0]) < 0.05
-    assert stress[1] == pytest.approx(stress[0], abs=5e-3)  # another domain: that of its samples
-
-
 @pytest.mark.parametrize(
     ("regressor", "message"),
     [
@@ -480,8 +468,3 @@ def test_plain_payloads_that_are_no_spline(samples, change, message):
     )
     with pytest.raises(ValueError, match=message):
         SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})
-
-
-def test_an_unknown_artifact_is_named():
-    with pytest.raises(ArtifactError, match="unknown force 'robber'"):
-        pds.evaluate("robber", LAW)

@@ -272,28 +272,14 @@ def test_what_it_does_not_serve_it_says(ogden):
 
 
 def test_fitted_from_the_command_line(tmp_path):
-    arguments = [
-        "fit",
-        "mine",
-        "--energy",
-        "--law",
-        "yeoh",
-        "--units",
-        "4",
-        "--samples",
-        "300",
-        "--iterations",
-        "150",
-        "--folds",
-        "2",
-    ]
-    outcome = commanded(*arguments, "--out", tmp_path)
+    arguments = "fit mine --energy --law yeoh --units 4 --samples 300 --iterations 150 --folds 2"
+    outcome = commanded(arguments, "--out", tmp_path)
     assert "State at rest, and stiffness" in outcome.output
     assert "shear modulus at rest" in outcome.output
     card = pds.load_card(tmp_path / "mine")
     assert card.kind == "isochoric-network"
     assert len(card.training["cross_validation"]) == 2
-    outcome = commanded("fit", "other", "--energy", "--degree", "4", "--out", tmp_path, status=2)
+    outcome = commanded("fit other --energy --degree 4 --out", tmp_path, status=2)
     assert "degree applies to bond forces only" in outcome.output
 
 

@@ -227,19 +227,11 @@ def test_unphysical_parameters_are_refused(name, parameters, message):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_moduli_must_be_positive(name):
-    for value in (0.0, -1.0, np.nan):
+    for value in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match=f"{name}: .*shear_modulus"):
             LAWS[name](shear_modulus=value)
         with pytest.raises(ValueError, match=f"{name}: bulk_modulus"):
             LAWS[name](bulk_modulus=value)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_a_description_makes_the_law_again(name):
-    from pdsurrogate.scenes import MaterialSpec
-
-    law = LAWS[name]()
-    assert MaterialSpec.model_validate(law.describe()).build() == law
 
 
 def test_ogden_of_a_scene_takes_lists():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import pdsurrogate as pds
 from pdsurrogate.identification import TestDataWarning
@@ -72,37 +73,7 @@ def test_the_law_of_every_file_is_found_again(name):
     assert found["chain_limit"] == pytest.approx(TRUTH[name]["chain_limit"], rel=0.03)
 
 
-@pytest.mark.parametrize(
-    ("name", "stated", "message"),
-    [
-        (
-            "bluehill-geometry.csv",
-            {"area": "12 cm2"},
-            "1200 mm2 by area, 12 mm2 by width",
-        ),
-        ("bluehill-geometry.csv", {"area": "12 mm"}, "mm is no unit like mm2"),
-        ("bluehill-geometry.csv", {"gauge_length": "25"}, "must be a number with its unit"),
-        (
-            "bluehill-geometry.csv",
-            {"gauge_length": "50 mm"},
-            r"stretch 1 to 4\) contradicts 'Extension' as extension \(stretch 1 to 2.5\)",
-        ),
-        ("bluehill-geometry.csv", {"strain": "true"}, r"20.09\) contradicts .* \(stretch 1 to 4\)"),
-        ("bluehill-geometry.csv", {"stress": "true"}, r"0.8938\) contradicts .* 0 to 3.575\)"),
-        ("semicolons-and-notes.csv", {"strain": "true"}, "--strain is stated, but no table needs"),
-        ("strain-percent.csv", {"gauge_length": "25 mm"}, "--gauge-length is stated, but no table"),
-        ("strain-percent.csv", {"units": {"strain": "mm/mm"}}, "the file says that Strain is in %"),
-        ("strain-percent.csv", {"columns": {"stress": "Strain"}}, "no unit of nominal-stress"),
-        ("strain-percent.csv", {"columns": {"force": "Kraft"}}, "there is no column Kraft"),
-        ("stretch-stress.csv", {"units": {"stretch": "%"}}, r"'Stretch' .* is 0.01 without stress"),
-        ("stretch-stress.csv", {"stress_unit": "kPa"}, "the unit of 'Stress': --unit stress=kPa"),
-        ("workbook.xlsx", {}, "the file says pure-shear, not --mode uniaxial"),
-        ("cycle-in-kN.csv", {"gauge_length": "25 mm", "thickness": "2 mm"}, "the undeformed area"),
-        ("cycle-in-kN.csv", GEOMETRY | {"branch": 2}, "no rows of --branch 2; there are 1 cycles"),
-        ("strain-percent.csv", {"mode": "torsion"}, "unknown mode 'torsion'"),
-        ("strain-percent.csv", {"branch": "up"}, "the number of a cycle, not 'up'"),
-    ],
-)
+@refused("files of machines")
 def test_what_is_stated_wrongly_is_refused_with_its_cause(name, stated, message):
     if name.endswith("xlsx"):
         pytest.importorskip("python_calamine")

@@ -2,16 +2,19 @@
 
 import itertools
 import sys
+import tomllib
 from pathlib import Path
 
-import machine_forms as forms
 import numpy as np
 import pytest
 
 from pdsurrogate.measurements import read_tables
 from pdsurrogate.measurements.quantities import factor, heading_and_unit, quantities_of
 
-MACHINES = Path(__file__).parents[1] / "data" / "machines"
+DATA = Path(__file__).parents[1] / "data"
+MACHINES = DATA / "machines"
+INVENTED = tomllib.loads((DATA / "machine_forms.toml").read_text("utf-8"))
+RAW, THREE = INVENTED["testXpert"]["blocks"][0].values()
 
 FORMS = {
     "bluehill-raw.csv": ("utf-8", 3, ",", "time/s extension/mm force/N"),
@@ -122,18 +125,29 @@ def test_sheets_of_a_workbook_are_blocks_and_state_the_mode():
         np.testing.assert_array_equal(numbers(block), there)
 
 
-@pytest.mark.parametrize("name", forms.FORMS)
+@pytest.mark.parametrize("name", INVENTED)
 def test_forms_of_machines_have_the_right_numbers_and_quantities(name, tmp_path):
-    encoding, text, expected = forms.FORMS[name]
-    path = tmp_path / "file.dat"
-    path.write_bytes(text.encode(encoding))
+    invented, path = INVENTED[name], tmp_path / "file.dat"
+    path.write_bytes(invented["text"].encode(invented["encoding"]))
     found = read_tables(path)
-    assert [meaning(block) for block in found.blocks] == [meant for meant, _, _ in expected]
-    for block, (_, there, facts) in zip(found.blocks, expected, strict=True):
-        if there is not None:
-            np.testing.assert_array_equal(numbers(block), there)
-        assert {name: block.facts.get(name) for name in facts} == facts
+    assert [meaning(block) for block in found.blocks] == [
+        block["quantities"] for block in invented["blocks"]
+    ]
+    for block, expected in zip(found.blocks, invented["blocks"], strict=True):
+        if "numbers" in expected:
+            np.testing.assert_array_equal(numbers(block), expected["numbers"])
+        facts = expected.get("facts", {})
+        assert {name: block.facts.get(name, "") for name in facts} == facts
         assert block.title == facts.get("specimen", block.title)
+
+
+def lines(*columns, separator, decimal, quoted, form):
+    """Rows of numbers as text."""
+    mark = '"' if quoted else ""
+    return "".join(
+        separator.join(mark + (form % cell).replace(".", decimal) + mark for cell in row) + "\n"
+        for row in zip(*columns, strict=True)
+    )
 
 
 @pytest.mark.parametrize("quoted", [False, True])
@@ -147,13 +161,12 @@ def test_numbers_are_those_of_the_text_whatever_the_signs(separator, decimal, qu
     values = np.random.default_rng(7).normal(size=(40, 3)) * 10.0 ** np.arange(-3, 4, 3)
     for form in ("%.3f", "%.6e", "%+.1f"):
         path = tmp_path / "table.txt"
-        rows = forms.lines(
-            *values.T, separator=separator, decimal=decimal, quoted=quoted, form=form
-        )
+        rows = lines(*values.T, separator=separator, decimal=decimal, quoted=quoted, form=form)
         path.write_text("Strain;Stress;Time\n".replace(";", separator) + rows)
         found = read_tables(path)
         assert meaning(found.blocks[0]) == "engineering-strain/ nominal-stress/ time/"
-        np.testing.assert_array_equal(numbers(found.blocks[0]), forms.rounded(*values.T, form=form))
+        rounded = [[float(form % cell) for cell in row] for row in values]
+        np.testing.assert_array_equal(numbers(found.blocks[0]), rounded)
         assert found.separator == separator
 
 
@@ -351,13 +364,13 @@ def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_pa
             ["Probe 1", None, None],
             ["Prüfzeit", "Standardweg", "Standardkraft"],
             ["s", "mm", "N"],
-            *forms.THREE.tolist(),
+            *THREE,
         ],
         "Probe 2": [
             [],
             [None, "Zeit", "Weg", "Kraft"],
             [None, "s", "mm", "N"],
-            *([None, *row] for row in forms.THREE.tolist()),
+            *([None, *row] for row in THREE),
         ],
     }
     for title, rows in sheets.items():
@@ -367,11 +380,11 @@ def test_a_workbook_of_specimens_with_results_and_sheets_of_other_content(tmp_pa
     book.save(tmp_path / "book.dat")
     found = read_tables(tmp_path / "book.dat")
     assert [(block.title, meaning(block)) for block in found.blocks] == [
-        ("Probe 1", forms.RAW),
-        ("Probe 2", forms.RAW),
+        ("Probe 1", RAW),
+        ("Probe 2", RAW),
     ]
     for block, thickness in zip(found.blocks, ("2 mm", "2.1 mm"), strict=True):
-        np.testing.assert_array_equal(numbers(block), forms.THREE)
+        np.testing.assert_array_equal(numbers(block), THREE)
         assert block.facts["thickness"] == thickness
         assert block.facts["gauge length"] == "25 mm"
         assert block.facts["sheet"] == block.title

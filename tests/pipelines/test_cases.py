@@ -1,5 +1,6 @@
 """The form of all pipelines: figures are stored case by case, and tables are made of them."""
 
+import json
 import sys
 
 import cases
@@ -19,10 +20,7 @@ STUDY = cases.of_rows(
     "bars",
     measure,
     [("one", 1.0), ("two", 2.0), ("long", 3.0)],
-    "bar",
-    "length: .1f",
-    "ends: g",
-    "-",
+    head=["bar", "length: .1f", "ends: g", "-"],
 )
 TABLE = """| bar | length | ends | - |
 | --- | ---: | ---: | ---: |
@@ -54,6 +52,22 @@ def test_cases_are_measured_one_by_one_and_stored(told, tmp_path):
     assert list(cases.stored("bars")) == ["one, 1.0", "two, 2.0"]
     assert TABLE in (tmp_path / "page.md").read_text()
     assert told("--docs") == ""
+
+
+def test_cases_that_are_added_meanwhile_stay_and_those_of_before_go(told, tmp_path):
+    """A process dropped what others had stored since it began."""
+    path = tmp_path / "bars.json"
+    path.write_text('{"old": [["old", 0.0]], "one, 1.0": [["one", 1.0]]}')
+
+    def and_another(name, length):
+        path.write_text(json.dumps(cases.stored("bars") | {"new": [["new", 9.0]]}))
+        return measure(name, length)
+
+    study = cases.of_rows("bars", and_another, [("two", 2.0)], head=["bar", "length"])
+    study.cases["one, 1.0"] = STUDY.cases["one, 1.0"]
+    cases.measure(study, "two, 2.0", dropped={"old"})
+    assert list(cases.stored("bars")) == ["two, 2.0", "one, 1.0", "new"]
+    assert cases.of_rows("bars", measure, ["one"], head=["bar"]).cases.keys() == {"one"}
 
 
 def test_errors_at_several_spacings_are_a_row():

@@ -5,12 +5,15 @@ reactions, moments, and loads on triangles.
 import numpy as np
 import pytest
 from runs import started
+from scipy.spatial.transform import Rotation
 
 import pdsurrogate as pds
 from pdsurrogate.scenes import Box
 from pdsurrogate.solvers.reactions import support_moments, support_reactions
+from pdsurrogate.testing.bodies import turn
 
 AXIS = (1.0, 2.0, 0.5)
+TURN = Rotation.from_rotvec(20.0 * np.array(AXIS) / np.linalg.norm(AXIS), degrees=True)
 CLAMPS = (
     {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0},
     {"region": "right", "x1": 0.3, "x2": 0.0, "x3": 0.1},
@@ -32,14 +35,6 @@ def scene_of(prescribed=CLAMPS, count=5, **changes):
 
 def run_of(force="bond-energy", **changes):
     return started(scene_of(**changes), force)
-
-
-def rotation(axis, degrees):
-    """Rotation matrix by Rodrigues' formula."""
-    a, b, c = np.array(axis) / np.linalg.norm(axis)
-    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-    angle = np.deg2rad(degrees)
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def wavy(points):
@@ -71,10 +66,7 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
     run = started(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing))
-    loading, Q = (
-        run.loading,
-        (rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]),
-    )
+    loading, Q = run.loading, TURN.as_matrix() if dimension == 3 else turn(20.0)
     center = np.array(turned["about"])
     start = center + (run.body.points - center) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
     start[:, 0] += 0.05

@@ -4,7 +4,8 @@ model; and a bar pulled by tractions.
 
 import numpy as np
 import pytest
-from bodies import rotation, sheet
+from bodies import sheet
+from described import SCENES
 from scipy import sparse
 from scipy.spatial import cKDTree
 
@@ -54,17 +55,7 @@ def surface_of(body, loops):
     return Surface(nodes, np.concatenate(facets), np.array(parts), interpolation(body, nodes))
 
 
-QUARTER = {
-    "name": "quarter",
-    "spacing": 0.1,
-    "body": {"size": [0.8, 0.8]},
-    "holes": [{"shape": "circle", "radius": 0.35}],
-    "material": {"law": "neo-hookean", "bulk_modulus": 10.0},
-    "loads": [{"region": "holes.0", "pressure": 0.3}, {"region": "top", "traction": [0.0, 0.1]}],
-    "probes": [{"name": "hole", "at": [0.35, 0.0]}, {"name": "inside", "at": [0.6, 0.05]}],
-    "steps": [1.0],
-    "solver": {"tolerance": 1e-9},
-}
+QUARTER = SCENES["quarter under a load"]
 
 
 @pytest.mark.parametrize("thickness", ["deformed", "undeformed"])
@@ -250,19 +241,6 @@ def test_resultant_and_moment_of_a_pressure_on_a_deformed_edge():
     )
 
 
-def test_a_pressure_turns_with_the_body():
-    body, surface = plain_sheet()
-    loads, y, Q = (
-        loads_on(body, surface, {"region": "top", "pressure": 1.0}),
-        wavy(body.points),
-        rotation(2.0),
-    )
-    thickness = 1 + 0.1 * np.sin(5 * body.points[:, 0])
-    np.testing.assert_allclose(
-        point_forces(loads, y @ Q.T, thickness), point_forces(loads, y, thickness) @ Q.T, atol=1e-14
-    )
-
-
 def test_work_is_done_at_the_boundary():
     """In affine deformation the work of a traction is traction times length times the
     displacement of the middle of the edge itself.
@@ -302,16 +280,6 @@ def test_forces_are_the_derivative_of_the_potential(random):
         expected = -(point_forces(loads, y) * direction).sum()
         assert change / 0.2 == pytest.approx(expected, abs=1e-12)
         assert loads.power(y, direction) == pytest.approx(-expected, abs=1e-12)
-
-
-def test_the_potential_of_a_pressure_is_the_area_of_the_hole():
-    body, surface = holed_sheet()
-    loads = loads_on(body, surface, {"region": "holes", "pressure": 2.0, "thickness": "undeformed"})
-    polygon = 16 / 2 * 0.2**2 * np.sin(2 * np.pi / 16)
-    F = np.array([[1.3, 0.2], [-0.1, 1.1]])
-    assert loads.potential(body.points @ F.T + 100) == pytest.approx(
-        -2.0 * polygon * (np.linalg.det(F) - 1), abs=1e-11
-    )
 
 
 @pytest.mark.parametrize("name", sorted(FORCES))
@@ -412,22 +380,3 @@ def test_wrong_loads_are_refused():
     with pytest.raises(ValueError, match=r"loads\.0\.region: the region contains the left edge"):
         loads_on(body, surface, {"region": "outline", "pressure": 1.0})
     loads_on(body, surface, {"region": "right", "pressure": 1.0})
-
-
-def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
-    """It pulled at the free points half a cell inside the edge, and changed what the other edge
-    holds by 3 %.
-    """
-    scene = pds.Scene(
-        name="held",
-        spacing=0.1,
-        body=pds.shapes.Rectangle(size=(1.0, 1.0)),
-        material="neo-hookean",
-        prescribed=({"region": "left", "x1": 0, "x2": 0}, {"region": "right", "x1": 0.2}),
-        loads=({"region": "right", "force": (0.3, 0)},),
-        steps=1,
-    )
-    with pytest.raises(
-        pds.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"
-    ):
-        pds.simulate(scene, "analytic")

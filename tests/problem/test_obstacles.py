@@ -156,20 +156,6 @@ def test_a_plate_gives_the_force_of_the_same_motion_prescribed(changes):
     assert evaluations[0] < 1.5 * evaluations[1]
 
 
-def test_derivatives_in_contact_are_those_of_the_same_motion_prescribed():
-    """Contact is rigid where it touches: with its stiffness alone the derivatives were 1 % off."""
-    result = pds.simulate(pressed(), "bond-energy")
-    found = result.sensitivity(["forces.plate.1"], ["obstacles.0.x2", "material.shear_modulus"])
-    law, step = pds.materials.NeoHookean(1.0, 10.0), 1e-5
-    ahead, behind = (uniaxial(law, 0.8 + way * step).nominal_stress for way in (1, -1))
-    assert found.derivatives[0, 0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
-    ahead, behind = (
-        uniaxial(pds.materials.NeoHookean(1.0 + way * step, 10.0), 0.8).nominal_stress
-        for way in (1, -1)
-    )
-    assert found.derivatives[0, 1] == pytest.approx((ahead - behind) / (2 * step), rel=1e-4)
-
-
 def test_the_lowest_mode_in_contact_is_that_of_the_same_motion_prescribed():
     """A plate holds a face normal to it, but leaves its points half a cell inside some freedom."""
     top = pds.Prescribed(region="top", x2=-0.2)
@@ -266,20 +252,6 @@ def test_contact_after_an_equilibrium_ends_where_the_obstacle_leaves():
     assert all(abs(part["greatest_energy_gap"]) < 1 for part in result.summary["dynamics"])
 
 
-def test_places_that_are_pushed_count_as_in_contact():
-    problem = compile_scene(pressed())
-    loads = problem.loading.loads
-    (plate,) = loads.obstacles
-    loads.set(0.0)
-    loads.pushes[:, 0] = 0.03 * problem.body.spacing * plate.stiffness
-    positions = problem.body.points.copy()
-    for gap, touches in ((0.02, True), (0.04, False), (0.02, False)):
-        positions[:, 1] = problem.body.points[:, 1] - gap * problem.body.spacing
-        assert (plate.pushed(positions)[0].sum() > 0) == touches
-        assert (plate.contact(positions)["area"] > 0.9) == touches
-        loads.let_go(positions)
-
-
 def test_a_scene_without_obstacles_carries_nothing_of_them():
     scene = pressed(
         prescribed=(
@@ -297,28 +269,6 @@ def test_a_scene_without_obstacles_carries_nothing_of_them():
     )
     level = pds.simulate(scene, "bond-energy").levels[-1]
     assert "contact" not in level
-
-
-def test_the_preconditioner_knows_the_stiffness_of_the_contact():
-    scene = pressed(PLATE, ROUND)
-    problem = compile_scene(scene, [pds.BondEnergyForce()])
-    _, loaded = problem.bind("float64")
-    positions = problem.body.points.copy()
-    problem.loading.apply(0.3, loaded, positions)
-    forces, after = np.empty_like(positions), np.empty_like(positions)
-    loaded(positions, forces)
-    pushed = float(np.abs(forces).max())
-    stiffness = preconditioner_of(loaded, problem.loading.free)
-    assert stiffness.update()
-    assert not stiffness.update()  # the same places touch
-    step = stiffness.solve(forces * problem.loading.free) * problem.loading.free
-    loads = problem.loading.loads
-    before = [one.contact(positions)["penetration"] for one in loads.obstacles]
-    assert max(before) > 0.02
-    positions += step
-    assert max(one.contact(positions)["penetration"] for one in loads.obstacles) < 0.4 * max(before)
-    loaded(positions, after)
-    assert np.abs(after * problem.loading.free).max() < 0.2 * pushed
 
 
 TOO_SMALL = {"disc": {"center": (0.5, 1.2), "radius": 0.2}, "x2": -0.1}

@@ -8,6 +8,7 @@ import runpy
 import sys
 
 import numpy as np
+from commands import words_of
 
 import pdsurrogate as pds
 from pdsurrogate.cli import main
@@ -20,7 +21,7 @@ from pdsurrogate.solvers.nearest_bonds import inverse_of, laplacian_of
 
 
 def command(*arguments):
-    sys.argv = ["pdsurrogate", *arguments]
+    sys.argv = ["pdsurrogate", *words_of(arguments)]
     main()
 
 
@@ -48,12 +49,13 @@ def in_pieces(*arguments):
 
 def disturbed(what, at, *arguments):
     """Run, until something happens on one rank before a step of the dynamics."""
+    words = words_of(arguments)
     ranks, step, limits = communicator(), Transient.step, resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def counted(transient):
         if transient.integrator.steps == at:
             if ranks.rank == 0:
-                open(arguments[arguments.index("--out") + 1] + ".happened", "w").close()
+                open(words[words.index("--out") + 1] + ".happened", "w").close()
             happens(what, ranks, transient.run)
         step(transient)
 

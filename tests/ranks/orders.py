@@ -1,16 +1,11 @@
 """Arrays of a body in parts, in the order of the whole body and back, on several ranks."""
 
 import numpy as np
+from every_model import cut
 
 from pdsurrogate.body import ReflectionPlane, divided, rows_of
 from pdsurrogate.ranks import communicator
 from pdsurrogate.testing.bodies import notched
-
-
-def cut(starts, ends):
-    """Bonds across a line of a third of the body."""
-    sides = (starts[:, 1] > 0.42) != (ends[:, 1] > 0.42)
-    return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
 
 
 def names(body, numbers, total):

@@ -14,6 +14,7 @@ import time
 import numpy as np
 import pytest
 import scipy
+from commands import words_of
 from every_model import LONGEST
 from force_models import TABLE
 from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
@@ -24,6 +25,10 @@ from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communi
 from pdsurrogate.ranks.share import connected
 from pdsurrogate.results.states import StatesInFiles
 from pdsurrogate.solvers.stability import FORWARD
+
+
+def summary_of(folder):
+    return json.loads((folder / "summary.json").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -127,39 +132,37 @@ QUICK = "analytic", "bond-energy", "neo-hookean-energy"
 
 @several
 def test_forces_and_steps_have_the_same_bits(ranks):
-    alone = ranks.loaded(1, "arrays", 30, QUICK, module="every_model")[0]["value"]
-    check_bits(alone, ranks(2, "arrays", 30, QUICK, module="every_model")[0]["value"], QUICK)
+    alone = ranks.alone("arrays", 30, QUICK, module="every_model")
+    check_bits(alone, ranks.value(2, "arrays", 30, QUICK, module="every_model"), QUICK)
 
 
 @several
 def test_balanced_gradients_have_the_same_bits(ranks):
     models = "bond-energy", "nosb", "bond-energy of solids", "nosb of solids"
     found = [
-        ranks.loaded(1, *asked, module="every_model")[0]["value"]
+        ranks.alone(*asked, module="every_model")
         for asked in (("arrays", 30, models), ("balanced", 30, models))
     ]
-    torn = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
+    torn = ranks.alone("balanced", 30, models, True, module="every_model")
     for one, other, what in ((*found, "forces"), (found[1], torn, "positions")):
         for model in models:
             assert np.abs(one[f"{model}: {what}"] - other[f"{model}: {what}"]).max() > 1e-6
-    check_bits(found[1], ranks(2, "balanced", 30, models, module="every_model")[0]["value"], models)
-    check_bits(
-        torn, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models
-    )
+    check_bits(found[1], ranks.value(2, "balanced", 30, models, module="every_model"), models)
+    check_bits(torn, ranks.value(2, "balanced", 30, models, True, module="every_model"), models)
 
 
 @several
 def test_a_term_with_history_keeps_its_own_points(ranks):
     """Of a search for equilibrium, whose residuals ranks sum in another order."""
-    alone, shared = (ranks(number, "softened", module="springs")[0]["value"] for number in (1, 2))
+    alone, shared = (ranks.value(number, "softened", module="springs") for number in (1, 2))
     for name, values in alone.items():
         np.testing.assert_allclose(shared[name], values, rtol=0, atol=1e-5)
 
 
 @several
 def test_branches_and_softening_have_the_same_bits(ranks):
-    alone = ranks.loaded(1, "remembered", module="every_model")[0]["value"]
-    for name, values in ranks(2, "remembered", module="every_model")[0]["value"].items():
+    alone = ranks.alone("remembered", module="every_model")
+    for name, values in ranks.value(2, "remembered", module="every_model").items():
         tolerance = 1e-12 if "energies" in name else 0.0
         np.testing.assert_allclose(values, alone[name], rtol=tolerance, atol=0, err_msg=name)
         assert np.all(np.max(np.abs(values), axis=0) > 0)
@@ -168,20 +171,18 @@ def test_branches_and_softening_have_the_same_bits(ranks):
 @several
 def test_balanced_pairs_have_the_same_bits(ranks):
     models = "analytic", "neo-hookean"
-    alone = ranks.loaded(1, "balanced", 30, models, True, module="every_model")[0]["value"]
-    plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
+    alone = ranks.alone("balanced", 30, models, True, module="every_model")
+    plain = ranks.alone("arrays", 30, models, module="every_model")
     for model in models:
         assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
-    check_bits(
-        alone, ranks(2, "balanced", 30, models, True, module="every_model")[0]["value"], models
-    )
+    check_bits(alone, ranks.value(2, "balanced", 30, models, True, module="every_model"), models)
 
 
 @several
 @pytest.mark.slow
 def test_forces_and_steps_of_every_model_have_the_same_bits(ranks):
-    alone = ranks.loaded(1, "arrays", 100, module="every_model")[0]["value"]
-    shared = ranks(3, "arrays", 100, module="every_model")[0]["value"]
+    alone = ranks.alone("arrays", 100, module="every_model")
+    shared = ranks.value(3, "arrays", 100, module="every_model")
     check_bits(alone, shared, [row.name for row in TABLE])
 
 
@@ -222,8 +223,8 @@ def test_forces_of_two_materials_have_the_same_bits(ranks):
 
     Two of them are balanced for loads. Energies but for rounding.
     """
-    alone = ranks.loaded(1, "digests_of_cases", module="two_materials")[0]["value"]
-    shared = ranks(2, "digests_of_cases", module="two_materials")[0]["value"]
+    alone = ranks.alone("digests_of_cases", module="two_materials")
+    shared = ranks.value(2, "digests_of_cases", module="two_materials")
     assert len(alone) == 11
     for one, other in zip(alone, shared, strict=True):
         assert one["beside"] == other["beside"] > 10
@@ -239,12 +240,12 @@ def test_bodies_of_two_materials_tear_in_the_same_way(ranks, remembering):
     of the other.
     """
     asked = "torn_layers", remembering
-    alone = ranks.loaded(1, *asked, module="two_materials")[0]["value"]
+    alone = ranks.alone(*asked, module="two_materials")
     crack, displacement, number, steps = alone
     assert number is None
     assert crack["start"]["x"][0] < 1.9
     assert crack["tips"][-1]["tip"][0] > 2.1
-    shared = ranks(2, *asked, module="two_materials")[0]["value"]
+    shared = ranks.value(2, *asked, module="two_materials")
     # Forces of supports are sums over ranks.
     forces = [one["peak"].pop("force") for one in (crack, shared[0])]
     assert forces[1] == pytest.approx(forces[0], rel=1e-9)
@@ -256,8 +257,8 @@ def test_forces_between_held_boundaries_have_the_same_bits(ranks):
     """A ring whose outline and hole mirrored points hold, clouds also with broken bonds; sums of
     bonds across them but for rounding.
     """
-    alone = ranks.loaded(1, "digests_of_cases", module="held_ring")[0]["value"]
-    shared = ranks(2, "digests_of_cases", module="held_ring")[0]["value"]
+    alone = ranks.alone("digests_of_cases", module="held_ring")
+    shared = ranks.value(2, "digests_of_cases", module="held_ring")
     for one, other in zip(alone, shared, strict=True):
         assert one["bonds"] > 1000
         assert one["broken"] != one["forces"]
@@ -269,14 +270,14 @@ def test_forces_between_held_boundaries_have_the_same_bits(ranks):
 
 @several
 def test_steps_against_obstacles_have_the_same_bits(ranks):
-    (level, alone), (_, shared) = (ranks(some, "pressed", True)[0]["value"] for some in (1, 2))
+    (level, alone), (_, shared) = (ranks.value(some, "pressed", True) for some in (1, 2))
     assert all(np.linalg.norm(level["forces"][name]) > 0.01 for name in ("plate", "disc"))
     np.testing.assert_array_equal(shared, alone)
 
 
 @several
 def test_equilibrium_with_obstacles_within_the_tolerance(ranks):
-    (alone, _), (shared, _) = (ranks(some, "pressed", False)[0]["value"] for some in (1, 2))
+    (alone, _), (shared, _) = (ranks.value(some, "pressed", False) for some in (1, 2))
     assert shared["evaluations"] <= 1.6 * alone["evaluations"]
     for name in ("plate", "disc"):
         np.testing.assert_allclose(shared["forces"][name], alone["forces"][name], rtol=0, atol=1e-5)
@@ -311,7 +312,7 @@ def test_equilibrium_within_the_tolerance(ranks, case):
     knows it they take ten times the evaluations.
     """
     *scene, number = case
-    levels = [ranks(some, "levels", *scene)[0]["value"] for some in (1, number)]
+    levels = [ranks.value(some, "levels", *scene) for some in (1, number)]
     for alone, shared in zip(*levels, strict=True):
         assert shared["method"] == alone["method"]
         assert shared["evaluations"] <= 1.6 * alone["evaluations"]
@@ -335,7 +336,7 @@ def test_a_multigrid_cycle_is_that_of_one_process(ranks):
     """The cycle is in single precision, and its sums over ranks have another order: a few times
     1e-7 of the greatest displacement.
     """
-    alone, shared = (ranks(some, "inverse_by_multigrid")[0]["value"] for some in (1, 3))
+    alone, shared = (ranks.value(some, "inverse_by_multigrid") for some in (1, 3))
     assert np.abs(alone).max() > 0.01
     np.testing.assert_allclose(shared, alone, rtol=0, atol=1e-5 * np.abs(alone).max())
 
@@ -371,18 +372,7 @@ edge = "top"
 travel = 1.0
 """
 
-HOLE = [
-    "run",
-    "hole",
-    "--force",
-    "analytic",
-    "--set",
-    "spacing=0.25",
-    "--set",
-    "stretches=1.05",
-    "--threads",
-    "1",
-]
+HOLE = "run hole --force analytic --set spacing=0.25 --set stretches=1.05 --threads 1"
 
 
 @several
@@ -399,7 +389,7 @@ def test_a_run_writes_what_one_process_writes(ranks, tmp_path):
     assert (tmp_path / "1" / "wave-001.vtu").read_bytes() == (
         tmp_path / "2" / "wave-001.vtu"
     ).read_bytes()
-    alone, shared = (json.loads((tmp_path / name / "summary.json").read_text()) for name in "12")
+    alone, shared = (summary_of(tmp_path / name) for name in "12")
     assert shared.pop("ranks") == 2
     for key in (
         "n_points",
@@ -427,10 +417,10 @@ SAID = re.compile(
 
 CASES = {
     "good": ([], 0),
-    "setting that the scene does not take": (["--set", "spacing=-1"], 2),
-    "body that cannot be made": (["--set", "body.size=[0.3,0.3]"], 2),
+    "setting that the scene does not take": ("--set spacing=-1", 2),
+    "body that cannot be made": ("--set body.size=[0.3,0.3]", 2),
     "solver that fails": (
-        ["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=10"],
+        "--set solver.method=relaxation --set solver.most_evaluations=10",
         1,
     ),
 }
@@ -449,11 +439,8 @@ def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
     with the same files left behind.
     """
     settings, expected = CASES[case]
-    command, homes, said = (
-        [*HOLE, "--out", "out/hole", *settings],
-        (tmp_path / "one", tmp_path / "three"),
-        [],
-    )
+    command, said = words_of((HOLE, "--out out/hole", settings)), []
+    homes = tmp_path / "one", tmp_path / "three"
     for number, home in zip((1, 3), homes, strict=True):
         home.mkdir()
         if number == 3 and expected == 1:  # by the command that a user types
@@ -511,8 +498,8 @@ def test_a_script_asks_who_takes_part(ranks, tmp_path):
 
 @several
 def test_large_bodies_are_written_in_pieces(ranks, tmp_path):
-    assert ranks(2, "command", *HOLE, "--out", tmp_path / "whole")[0]["status"] == 0
-    done = ranks(2, "in_pieces", *HOLE, "--out", tmp_path / "pieces")[0]
+    assert ranks(2, "command", HOLE, "--out", tmp_path / "whole")[0]["status"] == 0
+    done = ranks(2, "in_pieces", HOLE, "--out", tmp_path / "pieces")[0]
     assert done["status"] == 0, done
     assert "no picture is drawn" in done["err"]
     states = sorted(path.name for path in (tmp_path / "pieces").glob("*vtu"))
@@ -536,34 +523,12 @@ def test_arrays_of_parts_come_in_the_order_of_the_whole_body_and_go_back(ranks):
     assert [reply["error"] for reply in ranks(3, "check", module="orders")] == [None] * 3
 
 
-TEAR = [
-    "run",
-    "tear",
-    "--force",
-    "analytic",
-    "--threads",
-    "1",
-    "--set",
-    "spacing=0.25",
-    "--set",
-    "stretches=1.1",
-]
-TEAR += [
-    "--set",
-    "body.size=[4.0, 3.0]",
-    "--set",
-    "precuts=[{start=[0.0, 1.5], end=[1.5, 1.5]}]",
-    "--set",
-    "dynamics.stretch=1.3",
-]
-TEAR += [
-    "--set",
-    "fracture.critical_stretch=1.5",
-    "--set",
-    "dynamics.outputs=4",
-    "--set",
-    "dynamics.stretch_rate=40.0",
-]
+TEAR = (
+    "run tear --force analytic --threads 1 --set spacing=0.25 --set stretches=1.1",
+    "--set 'body.size=[4.0, 3.0]' --set 'precuts=[{start=[0.0, 1.5], end=[1.5, 1.5]}]'",
+    "--set dynamics.stretch=1.3 --set fracture.critical_stretch=1.5 --set dynamics.outputs=4",
+    "--set dynamics.stretch_rate=40.0",
+)
 """A sheet of 192 points, whose crack begins at step 39 and has run through half of it at step
 75.
 """
@@ -575,9 +540,9 @@ def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_
     # An uninterrupted run of as many ranks: its equilibrium before the tear is the same to the last
     # bit.
     folders = {number: tmp_path / str(number) for number in (1, 2, 3)}
-    whole = ranks.loaded(2, "command", *TEAR, "--out", tmp_path / "whole")[0]
+    whole = ranks.loaded(2, "command", TEAR, "--out", tmp_path / "whole")[0]
     (told,) = [line for line in whole["out"].splitlines() if "bonds broken" in line]
-    done = ranks(2, "disturbed", "interrupted", 49, *TEAR, "--out", folders[2])[0]
+    done = ranks(2, "disturbed", "interrupted", 49, TEAR, "--out", folders[2])[0]
     assert "interrupted; to resume from the checkpoint in" in done["err"], done
     arrays = np.load(folders[2] / "checkpoint.npz")
     assert arrays["positions"].shape == (192, 2)
@@ -585,17 +550,14 @@ def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_
     for number in (1, 3):
         shutil.copytree(folders[2], folders[number])
     for number, folder in folders.items():
-        done = ranks(number, "command", *TEAR, "--out", folder, "--resume")[0]
+        done = ranks(number, "command", TEAR, "--out", folder, "--resume")[0]
         assert told in done["out"], done
     # Explicit steps are the same on any number of ranks to the last bit, and so are the pairs that
     # break.
     expected, *displacements = map(last_displacement, (tmp_path / "whole", *folders.values()))
     for displacement in displacements:
         assert np.array_equal(displacement, expected)
-    cracks = [
-        json.loads((folder / "summary.json").read_text())["crack"]
-        for folder in (tmp_path / "whole", *folders.values())
-    ]
+    cracks = [summary_of(folder)["crack"] for folder in (tmp_path / "whole", *folders.values())]
     # The forces of grips are summed rank by rank.
     stresses = [crack["peak"].pop("nominal_stress") for crack in cracks]
     assert stresses == pytest.approx(stresses[:1] * 4, rel=1e-12)
@@ -609,9 +571,8 @@ def test_a_slow_tear_on_two_ranks_breaks_the_same_bonds(ranks, tmp_path):
     cracks = []
     for number in (1, 2):
         folder = tmp_path / str(number)
-        process = ["--set", "fracture.process=quasi-static", "--out", folder]
-        ranks(number, "command", *TEAR, *process)
-        cracks.append(json.loads((folder / "summary.json").read_text())["crack"])
+        ranks(number, "command", TEAR, "--set fracture.process=quasi-static --out", folder)
+        cracks.append(summary_of(folder)["crack"])
     one, two = cracks
     assert one["broken_bonds"] == two["broken_bonds"] > 5
     assert one["through"] == two["through"]
@@ -625,12 +586,12 @@ def test_strengths_break_the_same_bonds_with_the_same_bits(ranks, tmp_path):
     """Discs reach across ranks, and two numbers decide; without an equilibrium before, whose last
     bits depend on the number of ranks.
     """
-    fracture = "fracture={energy=500.0, strength={stretch=1.3, equibiaxial=400.0}}"
-    asked = *TEAR, "--set", "stretches=[]", "--set", fracture, "--set", "dynamics.stretch=1.5"
+    fracture = "'fracture={energy=500.0, strength={stretch=1.3, equibiaxial=400.0}}'"
+    asked = TEAR, f"--set stretches=[] --set {fracture} --set dynamics.stretch=1.5"
     cracks, displacements = [], []
     for number in (1, 2, 3):
-        ranks(number, "command", *asked, "--out", tmp_path / str(number))
-        cracks.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["crack"])
+        ranks(number, "command", asked, "--out", tmp_path / str(number))
+        cracks.append(summary_of(tmp_path / str(number))["crack"])
         displacements.append(last_displacement(tmp_path / str(number)))
         assert np.array_equal(displacements[-1], displacements[0])
     assert cracks[0]["start"]["cause"] == "strength"
@@ -643,9 +604,7 @@ def test_strengths_break_the_same_bonds_with_the_same_bits(ranks, tmp_path):
 
 def last_displacement(folder):
     """Displacements of the last state, which are written in double precision."""
-    return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[
-        -1
-    ][1]["displacement"]
+    return StatesInFiles.saved(folder, summary_of(folder)["scene"])[-1][1]["displacement"]
 
 
 @several
@@ -653,27 +612,12 @@ def test_a_force_with_state_at_the_bonds_of_images_writes_checkpoints(ranks, tmp
     """Two ranks ended in an error at the first checkpoint of `ba-nosb`; the residual is held to
     1e-6 of a shear modulus over a spacing.
     """
-    scene, stresses = (
-        [
-            "run",
-            "uniaxial",
-            "--force",
-            "ba-nosb",
-            "--set",
-            "spacing=0.25",
-            "--set",
-            "stretches=1.05",
-        ],
-        [],
-    )
+    scene = "run uniaxial --force ba-nosb --set spacing=0.25 --set stretches=1.05"
+    stresses = []
     for number in (1, 2):
-        done = ranks(number, "command", *scene, "--out", tmp_path / str(number))
+        done = ranks(number, "command", scene, "--out", tmp_path / str(number))
         assert all(reply["status"] == 0 for reply in done), done
-        stresses.append(
-            json.loads((tmp_path / str(number) / "summary.json").read_text())["levels"][0][
-                "nominal_stress"
-            ]
-        )
+        stresses.append(summary_of(tmp_path / str(number))["levels"][0]["nominal_stress"])
     assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
 
 
@@ -698,11 +642,10 @@ def test_different_scenes_are_refused_on_all_ranks(ranks):
         assert "the ranks have different arguments (scene)" in reply["error"]
 
 
-MOVING = [
-    *HOLE,
-    "--set",
-    "dynamics={stretch=1.2, stretch_rate=0.5, density=0.01, outputs=3, safety=0.1}",
-]
+MOVING = (
+    f"{HOLE} --set"
+    " 'dynamics={stretch=1.2, stretch_rate=0.5, density=0.01, outputs=3, safety=0.1}'"
+)
 """A sheet of 188 points in some hundred steps, with three outputs, to which something happens in
 the second third.
 """
@@ -718,13 +661,13 @@ def check_soon(happened):
 
 @several
 def test_an_invalid_state_on_one_rank_ends_all_with_its_message(ranks, tmp_path):
-    done = ranks(2, "disturbed", "invalid", 60, *MOVING, "--out", tmp_path / "out")
+    done = ranks(2, "disturbed", "invalid", 60, MOVING, "--out", tmp_path / "out")
     check_soon(tmp_path / "out.happened")
     assert [reply["status"] for reply in done] == [1, 1], done
     assert done[0]["err"].count("the run failed") == 1
     assert "Traceback" not in done[0]["err"]
     assert not done[1]["err"]
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = summary_of(tmp_path / "out")
     assert summary["converged"] is False
     assert len(summary["levels"]) == 1
     assert len(list((tmp_path / "out").glob("*.vtu"))) >= 2
@@ -761,7 +704,7 @@ def ends(command, status, happened, interrupt=False):
 @several
 def test_a_full_disk_ends_all_with_its_message(tmp_path):
     told = ends(
-        on_ranks(2, HERE / "ranks" / "cases.py", "full", 60, *MOVING, "--out", tmp_path / "out"),
+        on_ranks(2, HERE / "ranks" / "cases.py", "full", 60, MOVING, "--out", tmp_path / "out"),
         1,
         tmp_path / "out.happened",
     )
@@ -774,7 +717,7 @@ def test_a_full_disk_ends_all_with_its_message(tmp_path):
 @pytest.mark.slow
 def test_a_rank_that_is_killed_ends_all_and_leaves_a_checkpoint(tmp_path):
     ends(
-        on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, *MOVING, "--out", tmp_path / "out"),
+        on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, MOVING, "--out", tmp_path / "out"),
         9,
         tmp_path / "out.happened",
     )
@@ -783,13 +726,11 @@ def test_a_rank_that_is_killed_ends_all_and_leaves_a_checkpoint(tmp_path):
 
 @several
 def test_ctrl_c_ends_all_with_results_and_a_checkpoint(tmp_path):
-    slower = [argument.replace("safety=0.1", "safety=0.01") for argument in MOVING]
+    slower = MOVING.replace("safety=0.1", "safety=0.01")
     command = on_ranks(
-        2, HERE / "ranks" / "cases.py", "told", 60, *slower, "--out", tmp_path / "out"
+        2, HERE / "ranks" / "cases.py", "told", 60, slower, "--out", tmp_path / "out"
     )
     told = ends(command, 130, tmp_path / "out.happened", interrupt=True)
     assert "interrupted; to resume from the checkpoint in" in told, told
     assert (tmp_path / "out" / "checkpoint.npz").exists()
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["failure"].endswith(
-        "interrupted"
-    )
+    assert summary_of(tmp_path / "out")["failure"].endswith("interrupted")

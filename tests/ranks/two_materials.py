@@ -5,6 +5,7 @@ rank or several.
 import hashlib
 
 import numpy as np
+from described import SCENES
 from every_model import pulled
 
 import pdsurrogate as pds
@@ -23,30 +24,7 @@ CASES = (
     ("bond-energy", "strain"),
     ("bond-energy", "space"),
 )
-LAYERS = {
-    "name": "layers",
-    "spacing": 0.1,
-    "horizon_ratio": 2.2,
-    "body": {"shape": "rectangle", "size": [4.0, 1.0]},
-    "precuts": [{"start": [-1.0, 0.5], "end": [1.6, 0.5]}],
-    "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "materials": [
-        {
-            "region": "upper",
-            "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0},
-        }
-    ],
-    "prescribed": [
-        {"region": "bottom", "x1": 0.0, "x2": 0.0},
-        {"region": "top", "x1": 0.0, "x2": 0.3},
-    ],
-    "steps": [{"to": 1.0, "outputs": 2, "dynamics": {"duration": 1.2, "density": 1.0}}],
-    "fracture": {
-        "critical_stretch": 1.4,
-        "interfaces": [{"between": ["rest", "upper"], "critical_stretch": 1.2}],
-    },
-}
+LAYERS = SCENES["layers on ranks"]
 """Strip of two layers, the upper one three times as stiff, that tears along their interface,
 without an equilibrium before: sums over ranks decide where its iterations end.
 """

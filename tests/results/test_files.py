@@ -10,19 +10,15 @@ import time
 
 import numpy as np
 import pytest
-from commands import commanded, invoke
+from commands import invoke
 from conftest import SHIPPED
-from stopping import interrupt
 
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli.simulation import how_to_resume
-from pdsurrogate.progress import listening
 from pdsurrogate.results import files
-from pdsurrogate.run.simulate import SimulationInterrupted, simulate
-from pdsurrogate.scenes import load_scene
 
-FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+FAST = "--set spacing=0.1 --set stretches=1.2"
 
 ENDLESS_JSON = """
 import sys
@@ -93,7 +89,7 @@ def assert_one_clear_line(done, *words) -> None:
 
 def test_a_full_disk_is_reported_by_run(tmp_path, monkeypatch):
     full_disk(monkeypatch)
-    done = invoke("run", "uniaxial", *FAST, "--out", tmp_path / "out")
+    done = invoke("run uniaxial", FAST, "--out", tmp_path / "out")
     assert_one_clear_line(done, "could not write", "No space left")
     assert not (tmp_path / "out" / "summary.json").exists()
 
@@ -103,17 +99,17 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("joblib.dump", fail)
-    done = invoke("fit", "mine", "--samples", "300", "--degree", "4", "--out", tmp_path / "a")
+    done = invoke("fit mine --samples 300 --degree 4 --out", tmp_path / "a")
     assert_one_clear_line(done, "could not write", "No space left")
     assert not list((tmp_path / "a").iterdir())
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
-@pytest.mark.parametrize("command", [["materials"], ["artifacts", "gent"]])
+@pytest.mark.parametrize("command", ["materials", "artifacts gent"])
 def test_standard_output_on_a_full_disk(command):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "pdsurrogate", *command],
+            [sys.executable, "-m", "pdsurrogate", *command.split()],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -144,86 +140,6 @@ def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypa
         found.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]),
         surrogate.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]),
     )
-
-
-TEAR = [
-    *("spacing=0.1", "body.size=3.0,1.0", "stretches=1.1,1.2", "fracture.critical_stretch=2.0"),
-    *("dynamics.stretch=1.9", "dynamics.stretch_rate=60.0", "dynamics.outputs=8"),
-    "precuts=[{start = [0.0, 0.5], end = [1.0, 0.5]}]",
-]
-
-
-def in_dynamics(share):
-    """Context that interrupts a run once, at a share of a stage in dynamics after two in
-    equilibrium.
-    """
-    left = [2 + share]
-
-    def listener(stage, done, total, **numbers):
-        if stage == "dynamics" and left and done >= left[0]:
-            left.clear()
-            interrupt()
-
-    return listening(listener)
-
-
-def tear():
-    return load_scene("tear", TEAR)
-
-
-@pytest.fixture
-def heeds_interrupts():
-    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they
-    start as well.
-    """
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("heeds_interrupts")
-def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path):
-    with pytest.raises(SimulationInterrupted, match="interrupted") as caught, in_dynamics(0.4):
-        simulate(tear(), "analytic", folder=tmp_path / "a")
-    assert len(caught.value.result.levels) == 2
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    resumed = simulate(tear(), "analytic", folder=tmp_path / "a", resume=True)
-    whole = simulate(tear(), "analytic", folder=tmp_path / "b")
-    assert resumed.history == whole.history
-    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
-
-
-@pytest.mark.usefixtures("heeds_interrupts")
-def test_ctrl_c_on_the_command_line(tmp_path):
-    """Exit status 130, results of what was reached, one line that says how to go on; and going
-    on works.
-    """
-    command = [
-        sys.executable,
-        "-m",
-        "pdsurrogate",
-        "run",
-        "tear",
-        "--force",
-        "analytic",
-        "--out",
-        str(tmp_path),
-    ]
-    command += [word for change in TEAR for word in ("--set", change)]
-    slow = [*command, "--set", "dynamics.stretch_rate=0.5"]
-    process = subprocess.Popen(slow, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while not (tmp_path / "checkpoint.npz").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
-    output, error = process.communicate(timeout=60)
-    assert process.returncode == 130, error
-    assert "interrupted" in error
-    assert "--resume" in error
-    assert "Traceback" not in error + output
-    assert json.loads((tmp_path / "summary.json").read_text())["failure"].endswith("interrupted")
-    other = commanded(*command[3:], "--resume", status=2)
-    assert "belongs to another run" in other.stderr
 
 
 def test_nothing_to_resume_is_said_too(tmp_path):

@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from described import SCENES
 from matplotlib.figure import Figure
 
 import pdsurrogate as pds
@@ -16,16 +17,7 @@ from pdsurrogate.results.files import write_json
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.results.provenance import git_state
 
-PULLED = {
-    "name": "pulled",
-    "units": {"length": "cm", "stress": "kPa", "time": "s"},
-    "spacing": 0.2,
-    "body": {"size": (1.0, 1.0)},
-    "material": {"law": "neo-hookean"},
-    "prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},),
-    "loads": ({"region": "right", "traction": (0.2, 0.0)},),
-    "steps": (0.5, 1.0),
-}
+PULLED = SCENES["pulled bar"]
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,6 @@
 """Result files, read back with the tools that users open them with."""
 
-import csv
 import errno
-import json
 import os
 import subprocess
 import sys
@@ -24,26 +22,6 @@ def saved(tmp_path_factory):
     result = simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
     result.save(folder)
     return result, folder
-
-
-def test_files(saved):
-    result, folder = saved
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "convergence.csv",
-        "history.csv",
-        "summary.json",
-        "uniaxial-000.vtu",
-        "uniaxial-001.vtu",
-        "uniaxial.png",
-        "uniaxial.pvd",
-    ]
-    assert json.loads((folder / "summary.json").read_text()) == json.loads(
-        json.dumps(result.summary)
-    )
-    rows = list(csv.DictReader((folder / "convergence.csv").read_text().splitlines()))
-    assert {"stretch", "evaluation", "residual"} <= set(rows[0])
-    assert [float(row["stretch"]) for row in rows] == sorted(float(row["stretch"]) for row in rows)
-    assert float(rows[-1]["residual"]) <= 1e-6
 
 
 def test_vtu_with_meshio(saved):
@@ -275,7 +253,7 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
         FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"
     ):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
-    ended = invoke("run", "uniaxial", "--set", "spacing=0.1", "--out", tmp_path)
+    ended = invoke("run uniaxial --set spacing=0.1 --out", tmp_path)
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
@@ -297,9 +275,7 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), f"{options['dir']}/tmpabc")
 
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
-    ended = commanded(
-        "run", "uniaxial", "--set", "spacing=0.1", "--out", tmp_path / "some" / "where", status=2
-    )
+    ended = commanded("run uniaxial --set spacing=0.1 --out", tmp_path / "some" / "where", status=2)
     assert (
         f"{tmp_path / 'some' / 'where'}: files cannot be created here ({tmp_path}" in ended.stderr
     )
@@ -309,6 +285,6 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
 def test_results_need_a_folder(tmp_path):
     (tmp_path / "file").write_text("mine")
     for given in (str(tmp_path / "file"), os.devnull, ""):
-        ended = commanded("run", "uniaxial", "--set", "spacing=0.1", "--out", given, status=2)
+        ended = commanded("run uniaxial --set spacing=0.1 --out", given, status=2)
         assert "folder" in ended.output
     assert (tmp_path / "file").read_text() == "mine"

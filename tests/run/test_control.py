@@ -4,6 +4,7 @@ maximum.
 
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 from stopping import killed_with_levels
@@ -208,39 +209,7 @@ def test_derivatives_of_controlled_steps_are_by_the_displacement_and_not_by_t():
     assert result.sensitivity([DOWN], ["t"], 1).derivatives[0, 0] < 0
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"probes": []}, "steps.0.control: there is no probe 'tip'; add one to probes"),
-        (
-            {"loads": [], "prescribed": [*HELD, {"region": NEAR, "x2": 0}]},
-            "steps.0.control: needs loads",
-        ),
-        (
-            {"loads": [{**PUSHED[0], "amplitude": "sine"}]},
-            r"must be proportional to t: remove loads.0.amplitude",
-        ),
-        (
-            {"prescribed": [*HELD, {"region": "bottom", "x2": 0.1}]},
-            r"prescribed.2 moves with t: prescribe 0 there",
-        ),
-        ({"steps": [{"to": 1, "control": "probes.tip.displacement.2"}]}, "1 is the last one here"),
-        ({"steps": [{"to": 1, "control": "tip.displacement"}]}, "steps.0.control"),
-        (
-            {"fracture": {"critical_stretch": 2.0}, "steps": [{"to": 1, "control": DOWN}]},
-            "fracture",
-        ),
-        (
-            {
-                "steps": [
-                    {"to": 1, "control": DOWN},
-                    {"to": 1, "dynamics": {"duration": 1, "density": 1}},
-                ]
-            },
-            "no step of the scene may be in dynamics",
-        ),
-    ],
-)
+@refused("controlled steps")
 def test_what_cannot_be_controlled_is_refused(changes, message):
     given = {"loads": PUSHED, "steps": [{"to": -0.6, "control": DOWN}]} | changes
     with pytest.raises(ValueError, match=message):

@@ -4,6 +4,7 @@ tear and the disc crack.
 
 import numpy as np
 import pytest
+from described import SCENES
 from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
@@ -11,24 +12,7 @@ from pdsurrogate.run import checkpoints, transient
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene
 
-STRIP = {
-    "name": "strip",
-    "spacing": 1.0,
-    "stretches": [1.3],
-    "body": {"shape": "box", "size": [16.0, 10.0, 2.0]},
-    "precuts": [{"corner": [-1.0, 5.0, -1.0], "sides": [[6.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
-    "fracture": {"critical_stretch": 2.0},
-    "dynamics": {
-        "stretch": 1.75,
-        "stretch_rate": 0.01,
-        "density": 1.0,
-        "damping": 0.02,
-        "viscosity": 0.1,
-        "outputs": 6,
-    },
-}
+STRIP = SCENES["strip in space"]
 """Lengths in spacings, the speed of shear waves 1."""
 
 

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 import pytest
-from commands import commanded
+from commands import commanded, words_of
 from stopping import Killed, at_level, interrupt
 
 import pdsurrogate as pds
@@ -85,21 +85,11 @@ main()
 """
 """A file that takes for ever to be written."""
 
-SHEET = ["--force", "analytic", "--set", "spacing=0.25"]
-
-
-@pytest.fixture(autouse=True)
-def heeds_interrupts():
-    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they
-    start as well.
-    """
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+SHEET = "--force analytic --set spacing=0.25"
 
 
 def begun(program, *arguments, **options):
-    command = [sys.executable, "-c", program, *map(str, arguments)]
+    command = [sys.executable, "-c", program, *words_of(arguments)]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
     )
@@ -124,8 +114,8 @@ STRETCHES = [round(1.1 + 0.01 * number, 2) for number in range(80)]
 
 def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     """It left neither a history nor a summary, and nothing could be plotted."""
-    change = ["--set", f"stretches={STRETCHES}"]
-    process = begun(SLOWLY, "run", "uniaxial", *SHEET, *change, "--out", tmp_path)
+    change = f"--set 'stretches={STRETCHES}'"
+    process = begun(SLOWLY, "run uniaxial", SHEET, change, "--out", tmp_path)
     wait(lambda: len(told(tmp_path)["levels"]) > 1, process)
     process.kill()
     process.communicate(timeout=PATIENCE)
@@ -225,12 +215,12 @@ def test_a_run_that_is_interrupted_in_an_equilibrium_begins_it_anew(tmp_path, na
 
 
 def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
-    command = ["run", "uniaxial", *SHEET, "--out", str(tmp_path), "--json"]
-    done = commanded(*command, "--max-time", "1e-6", status=130)
+    command = ["run uniaxial --json", SHEET, "--out", tmp_path]
+    done = commanded(command, "--max-time 1e-6", status=130)
     assert "stopped after max_time" in done.stderr
     assert "add --resume to the command" in done.stderr
     assert json.loads(done.stdout)["status"] == "interrupted"
-    done = commanded(*command, "--resume")
+    done = commanded(command, "--resume")
     assert len(pds.load_result(tmp_path).levels) == 3
     for wrong in (0, -1.0, math.inf):
         with pytest.raises(ValueError, match="max_time must be a number of seconds greater than 0"):
@@ -261,9 +251,7 @@ def interrupted_where_held_up(code, where, folder):
     """Interrupt a run that a program holds up, check that it ends with status 130 and without a
     traceback, and return what it printed.
     """
-    process = begun(
-        code, where, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", folder
-    )
+    process = begun(code, where, "run uniaxial --set stretches=1.5", SHEET, "--out", folder)
     while process.stdout.readline().strip() != "held up":
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
@@ -313,8 +301,13 @@ def cut_short(folder):
 @pytest.mark.parametrize(
     ("stretches", "force", "change", "message"),
     [
-        ((1.1, 1.3), "analytic", None, r"another run: stretches is \[1.1, 1.2\] there"),
-        ((1.1, 1.2), "neo-hookean", None, "another run: force is analytic there"),
+        (
+            (1.1, 1.3),
+            "analytic",
+            None,
+            r"another run: stretches is \[1.1, 1.2\] there and \[1.1, 1.3\] here",
+        ),
+        ((1.1, 1.2), "neo-hookean", None, "force is analytic there.*again with --overwrite"),
         ((1.1, 1.2), "analytic", cut_short, "is damaged"),
         (
             (1.1, 1.2),

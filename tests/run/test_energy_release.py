@@ -4,6 +4,7 @@ differences of potential energies.
 
 import numpy as np
 import pytest
+from described import SCENES
 
 import pdsurrogate as pds
 from pdsurrogate.cli.simulation import print_result
@@ -162,14 +163,6 @@ def test_every_tip_has_a_rate():
     assert all(crack["reach"] < 1.16 for crack in inner)
 
 
-def test_without_room_there_is_no_rate():
-    scene = sheet([2.0, 1.0], 0.1, [(0.7, -1.0, 1.0)], stretches=1.1, grips=GRIPS)
-    (crack,) = cracks(scene)
-    assert crack["energy_release_rate"] is None
-    assert crack["reach"] is None
-    assert crack["length"] == pytest.approx(1.0, abs=0.01)
-
-
 @pytest.mark.parametrize(("stretch", "closed"), [(1.05, False), (0.95, True)])
 def test_cracks_under_compression_are_closed(stretch, closed, capsys):
     """Of two equal cuts, one across the load is pressed together or opened; one along it stays
@@ -278,28 +271,7 @@ def disc(*center):
     return {"disc": {"center": list(center), "radius": 0.12}}
 
 
-BESIDE = {
-    "held": (
-        {"held": [{"region": disc(2.0, 1.3), "x1": 0.0, "x2": 0.0}]},
-        "a point that prescribed.2 holds is 0.25",
-    ),
-    "held ahead": (
-        {"held": [{"region": disc(2.5, 1.3), "x1": 0.0, "x2": 0.0}]},
-        "a point that prescribed.2 holds is 0.5",
-    ),
-    "force along the crack": (
-        {"loads": [{"region": disc(2.3, 1.3), "force": [1.0, 0.0]}]},
-        "a point under a load is 0.35",
-    ),
-    "force across it": (
-        {"loads": [{"region": disc(1.7, 1.3), "force": [0.0, 1.0]}]},
-        "a point under a load is 0.35",
-    ),
-    "body force on a part": (
-        {"loads": [{"region": {"box": [[2.2, 0], [4, 2]]}, "body_force": [0, 1]}]},
-        "a point under a load is 0.25",
-    ),
-}
+BESIDE = SCENES["beside cracks"]
 
 
 @pytest.mark.parametrize("case", BESIDE)
@@ -352,24 +324,16 @@ def test_tips_near_a_free_side():
     assert [crack["energy_release_rate"] for crack in levels[0.8]["cracks"]] == [None, None]
 
 
-@pytest.mark.parametrize("points", [14, 20])
-def test_held_edges_near_a_tip(points):
-    """Against the energy of the strip: domains that touched the grips gave -2.2 % with 14 points
-    across, at 2.2 horizons from them.
+def test_held_edges_near_a_tip():
+    """With 14 points across, 2.2 horizons from the grips, domains touched these and gave -2.2 %;
+    with 20 there is a rate (`test_strip_in_pure_shear`).
     """
-    (crack,) = cracks(
-        sheet([6.0, 2.0], 2.0 / points, [(1.0, -1.0, 3.0)], stretches=[1.3], grips=GRIPS)
+    (crack,) = cracks(sheet([6.0, 2.0], 1 / 7, [(1.0, -1.0, 3.0)], stretches=[1.3], grips=GRIPS))
+    assert crack["energy_release_rate"] is crack["reach"] is None
+    assert crack["length"] == pytest.approx(3.0, abs=0.01)
+    assert crack["remark"].startswith(
+        "the boundary of the body is 0.984 away, less than 3 horizons"
     )
-    if points == 14:
-        assert crack["energy_release_rate"] is None
-        assert crack["remark"].startswith(
-            "the boundary of the body is 0.984 away, less than 3 horizons"
-        )
-    else:
-        expected = (
-            2.0 * homogeneous.pure_shear(pds.materials.NeoHookean(1.0, 20.0), 1.3).energy_density
-        )
-        assert crack["energy_release_rate"] == pytest.approx(expected, rel=0.01)
 
 
 def test_several_materials_have_no_rate():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from described import SCENES
 from memory_references import Rubber
 
 import pdsurrogate as pds
@@ -12,38 +13,8 @@ from pdsurrogate.run.followed import FollowedRun
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 SOFT = {"r": 1.5, "m": 0.1, "beta": 0.1}
-STRIP = {
-    "name": "strip",
-    "spacing": 0.25,
-    "horizon_ratio": 1.75,
-    "body": {"shape": "rectangle", "size": [1.0, 0.5]},
-    "grips": [
-        {"edge": "left", "holds": "normal"},
-        {"edge": "right", "holds": "normal", "travel": 1.0},
-    ],
-    "stretches": [1.15, 1.3, 1.3, 1.1],
-    "times": [0.25, 0.5, 2.0, 2.4],
-}
-TORN = {
-    "grips": [],
-    "stretches": [],
-    "times": [],
-    "spacing": 0.2,
-    "body": {"shape": "rectangle", "size": [1.6, 1.0]},
-    "holes": [{"shape": "circle", "center": [0.8, 0.5], "radius": 0.25}],
-    "prescribed": [
-        {"region": "left", "x1": 0.0, "x2": 0.0},
-        {
-            "region": "right",
-            "x1": 0.3,
-            "x2": 0.0,
-            "amplitude": [[0, 0], [0.7, 1], [1.4, 1], [2, 0.5]],
-        },
-    ],
-    "steps": [{"to": 2.0, "duration": 1.0, "outputs": 3}],
-    "fracture": {"critical_stretch": 3.0},
-    "probes": [{"name": "rim", "at": [0.8, 0.9]}],
-}
+STRIP = SCENES["followed strip"]
+TORN = SCENES["followed tear"]
 CONSTANT = {"modulus": 1.0, "time": 1.0}
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
 

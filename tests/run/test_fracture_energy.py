@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 import pytest
 import tip_diameters as pipeline
+from described import SCENES
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -20,24 +21,7 @@ from pdsurrogate.scenes.tip_diameter import (
     tip_diameters_in,
 )
 
-STRIP = {
-    "name": "strip",
-    "spacing": 1 / 16,
-    "horizon_ratio": 2.2,
-    "stretches": [1.2],
-    "body": {"shape": "rectangle", "size": [4.0, 1.0]},
-    "precuts": [{"start": [-1.0, 0.5], "end": [1.5, 0.5]}],
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
-    "fracture": {"energy": 0.35},
-    "dynamics": {
-        "stretch": 1.8,
-        "stretch_rate": 0.02,
-        "density": 1.0,
-        "damping": 0.02,
-        "outputs": 8,
-    },
-}
+STRIP = SCENES["strip with a fracture energy"]
 """Strip in pure shear, of 16 rows, whose G is that of an infinite strip within a percent."""
 
 

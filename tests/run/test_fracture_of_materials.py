@@ -4,6 +4,7 @@ energy, resuming.
 
 import numpy as np
 import pytest
+from described import SCENES
 from runs import started
 from stopping import Killed, while_bonds_break
 
@@ -13,25 +14,7 @@ from pdsurrogate.problem.fracture import critical_stretch_of
 from pdsurrogate.run import checkpoints
 from pdsurrogate.scenes.tip_diameter import tip_diameters
 
-LAYERS = {
-    "name": "layers",
-    "spacing": 0.1,
-    "horizon_ratio": 2.2,
-    "stretches": [1.2],
-    "body": {"shape": "rectangle", "size": [2.4, 1.0]},
-    "precuts": [{"start": [-1.0, 0.5], "end": [0.9, 0.5]}],
-    "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "materials": [
-        {
-            "region": "upper",
-            "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-        }
-    ],
-    "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
-    "fracture": {"critical_stretch": 2.0},
-    "dynamics": {"stretch": 1.5, "stretch_rate": 0.05, "density": 1.0, "outputs": 6},
-}
+LAYERS = SCENES["layers"]
 """Strip of two layers with a precut along their interface."""
 
 
@@ -304,29 +287,10 @@ def test_resuming_leaves_the_same_bits(tmp_path, monkeypatch):
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
 
 
-RELAXED = {
-    "stretches": [1.1],
-    "body": {"shape": "rectangle", "size": [2.0, 1.0], "arrangement": "relaxed", "seed": 1},
-    "precuts": [
-        {"start": [-1.0, 0.5], "end": [0.5, 0.5]},
-        {"start": [1.5, 0.5], "end": [5.0, 0.5]},
-    ],
-    "regions": {"upper": {"box": [[1.0, -1.0], [5.0, 2.0]]}},
-    "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1, "outputs": 2},
-    "fracture": {"critical_stretch": 1.5},
-}
+RELAXED = SCENES["relaxed layers"]
 """Two materials side by side, each with a precut from its edge, of relaxed points."""
 
-SOLID = {
-    **RELAXED,
-    "spacing": 0.125,
-    "body": {"shape": "box", "size": [2.0, 1.0, 0.25]},
-    "precuts": [
-        {"corner": [start, 0.5, -1.0], "sides": [[2.5, 0.0, 0.0], [0.0, 0.0, 2.0]]}
-        for start in (-2.0, 1.5)
-    ],
-    "regions": {"upper": {"box": [[1.0, -1.0, -1.0], [5.0, 2.0, 2.0]]}},
-}
+SOLID = SCENES["layers in space"]
 """The same in space."""
 
 

@@ -32,22 +32,39 @@ def pencil(result):
     )
 
 
+def bar(length, **keys):
+    """A solid bar with a square section of the side 1, clamped at its left end, under a force
+    across its right end.
+    """
+    given = {
+        "name": "bar",
+        "spacing": 0.25,
+        "body": {"shape": "box", "size": [length, 1.0, 1.0]},
+        "material": "neo-hookean",
+        "steps": [1.0],
+        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}],
+        "loads": [{"region": "right", "force": [0.0, 1e-6, 0.0], "name": "end"}],
+        "probes": [{"name": "end", "at": [length, 0.5, 0.5]}],
+    }
+    return pds.Scene.model_validate(given | keys)
+
+
 @pytest.mark.parametrize(
-    ("scene", "keys", "drifts"),
+    ("scene", "drifts"),
     [
-        ("hole", {"spacing": 0.25, "stretches": [1.3]}, 0),
-        ("hole", {"spacing": 0.25, "stretches": [0.95]}, 0),
-        ("traction", {"spacing": 0.1}, 0),
-        ("bonded-block", {"spacing": 0.25}, 0),  # two equal eigenvalues
-        (
-            "uniaxial",
-            {"spacing": 0.25, "stretches": [1.5]},
-            1,
-        ),  # the grips let the sheet slide along them
+        (pds.load_scene("hole", spacing=0.25, stretches=[1.3]), 0),
+        (pds.load_scene("hole", spacing=0.25, stretches=[0.95]), 0),
+        (pds.load_scene("traction", spacing=0.1), 0),
+        # two equal eigenvalues, of which the search may return any combination
+        (pds.load_scene("bonded-block", spacing=0.25), 0),
+        (bar(8.0), 0),
+        # the grips let the sheet slide along them
+        (pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), 1),
     ],
+    ids=lambda one: getattr(one, "name", one),
 )
-def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
-    result = pds.simulate(pds.load_scene(scene, **keys), "bond-energy")
+def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, drifts):
+    result = pds.simulate(scene, "bond-energy")
     found = result.lowest_mode()
     tangent, volumes, free = pencil(result)
     values, vectors = scipy.linalg.eigh(tangent, np.diag(volumes))
@@ -57,12 +74,16 @@ def test_the_lowest_mode_is_that_of_the_dense_tangent(scene, keys, drifts):
     assert found.stable
     assert np.linalg.norm(found.displacements, axis=1).max() == pytest.approx(1.0)
     assert not found.displacements[~free].any()
-    if values[drifts + 1] > 1.1 * values[drifts]:
-        mode, exact = found.displacements[free], vectors[:, drifts]
-        assert abs(mode @ (volumes * exact)) == pytest.approx(
-            np.sqrt(mode @ (volumes * mode)), rel=1e-3
-        )
-        assert found.eigenvalue == pytest.approx(values[drifts], rel=1e-4)
+    assert found.eigenvalue == pytest.approx(values[drifts], rel=1e-5)
+    mode = found.displacements[free]
+    alike = vectors[:, np.abs(values / values[drifts] - 1) < 0.1]
+    shares = alike.T @ (volumes * mode)
+    print(
+        scene.name,
+        found.eigenvalue / values[drifts] - 1,
+        shares @ shares / (mode @ (volumes * mode)) - 1,
+    )
+    assert shares @ shares == pytest.approx(mode @ (volumes * mode), rel=1e-5)
 
 
 def column(length, thick, steps, **keys):
@@ -122,33 +143,6 @@ def test_a_run_finds_that_a_slender_column_buckles(plane, slender):
     assert last == pytest.approx((1 + 4 * share) / (1 + 3.6 * share), abs=0.05)
 
 
-def test_a_column_buckles_in_single_precision():
-    critical = np.pi**2 / (3 * 20**2) * 4.0
-    with pytest.raises(pds.SimulationFailed, match="is not stable, so the body buckles") as caught:
-        pds.simulate(
-            column(4.0, 0.2, [0.9 * critical, 1.2 * critical], precision="float32"),
-            "neo-hookean-energy",
-        )
-    assert caught.value.result.levels[-1]["t"] == pytest.approx(critical, rel=0.05)
-
-
-def bar(length, **keys):
-    """A solid bar with a square section of the side 1, clamped at its left end, under a force
-    across its right end.
-    """
-    given = {
-        "name": "bar",
-        "spacing": 0.25,
-        "body": {"shape": "box", "size": [length, 1.0, 1.0]},
-        "material": "neo-hookean",
-        "steps": [1.0],
-        "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}],
-        "loads": [{"region": "right", "force": [0.0, 1e-6, 0.0], "name": "end"}],
-        "probes": [{"name": "end", "at": [length, 0.5, 0.5]}],
-    }
-    return pds.Scene.model_validate(given | keys)
-
-
 @pytest.mark.parametrize("length", [8.0, 20.0])
 def test_a_slender_solid_cantilever_vibrates_as_a_beam_of_its_own_flexibility(length):
     """From the static deflection 1/c under a force F = 1 the stiffness against bending is c L^3/3,
@@ -165,19 +159,6 @@ def test_a_slender_solid_cantilever_vibrates_as_a_beam_of_its_own_flexibility(le
     assert found.error < 1e-3 * found.eigenvalue
     along = np.linalg.norm(found.displacements, axis=1)
     assert along.argmax() in np.flatnonzero(result.body.points[:, 0] > length - 0.25)
-
-
-def test_the_lowest_mode_of_a_slender_solid_is_that_of_the_dense_tangent():
-    """Two equal modes, of which the search may return any combination."""
-    result = pds.simulate(bar(8.0), "bond-energy")
-    found = result.lowest_mode()
-    tangent, volumes, free = pencil(result)
-    values, vectors = scipy.linalg.eigh(tangent, np.diag(volumes))
-    # rounding, 1e-10 of the greatest eigenvalue
-    assert abs(found.eigenvalue - values[0]) < 1e-5 * values[0]
-    shares = vectors[:, :2].T @ (volumes * found.displacements[free])
-    size = found.displacements[free] @ (volumes * found.displacements[free])
-    assert shares @ shares == pytest.approx(size, rel=1e-6)
 
 
 def test_a_bent_cantilever_is_stable():
@@ -236,13 +217,3 @@ def test_what_has_no_lowest_mode_is_refused(scene, keys, force, message):
     result = pds.simulate(pds.load_scene(scene, **keys), force)
     with pytest.raises((ValueError, IndexError), match=message):
         result.lowest_mode(7 if "number 7" in message else -1)
-
-
-def test_a_result_from_files_has_no_lowest_mode(tmp_path):
-    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1]), "bond-energy").save(
-        tmp_path / "out"
-    )
-    with pytest.raises(
-        ValueError, match="lowest_mode: a result that was read from files has no force model"
-    ):
-        pds.load_result(tmp_path / "out").lowest_mode()

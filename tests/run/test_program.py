@@ -14,8 +14,6 @@ import pdsurrogate as pds
 from pdsurrogate.progress import listening
 from pdsurrogate.run import transient
 from pdsurrogate.run.simulate import SimulationFailed, SimulationInterrupted, simulate
-from pdsurrogate.solvers.equilibrium import falls
-from pdsurrogate.solvers.increments import Increments
 
 SHEET = {
     "name": "sheet",
@@ -237,18 +235,6 @@ def test_increments_are_chosen_by_what_the_first_guess_strains():
     assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])
 
 
-def test_increments_are_longer_only_where_they_lead_to_planned_values():
-    increments = Increments(0.0, 1.0, 1.0)
-    for _ in range(2):
-        assert increments.shorten()
-    # a quarter of the way, from where a half does not lead to a planned value
-    assert not increments.accept()
-    assert increments.accept()
-    assert increments.share == 0.5
-    assert increments.accept()
-    assert increments.finished
-
-
 def test_a_failure_says_how_far_the_loading_came():
     scene = scene_of((0.5,), solver={"method": "relaxation", "most_evaluations": 30})
     with pytest.raises(
@@ -302,16 +288,6 @@ def test_an_output_just_below_the_greatest_load_is_found():
     assert result.levels[-1]["evaluations"] > 2 * result.levels[-2]["evaluations"]
 
 
-def test_a_search_goes_on_while_its_residual_halves():
-    course = [(10 * number, 2.0 ** (-number / 4)) for number in range(1, 41)]
-    assert falls(course, 50)
-    assert not falls(course, 30)
-    assert falls(course[:3], 30)
-    assert falls([], 30)
-    assert falls(course, np.inf)
-    assert not falls([*course, *((400 + 10 * number, 1.0) for number in range(1, 11))], 50)
-
-
 def test_a_bond_that_would_break_hands_over_to_dynamics():
     """In equilibrium up to the output before; then the next step in dynamics, or an error that
     asks for one.
@@ -337,29 +313,6 @@ def test_what_moves_faster_than_waves_is_refused():
         started(
             scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), "analytic"
         )
-
-
-LOADS = (
-    {
-        "prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},),
-        "loads": ({"region": "right", "traction": [0.2, 0.0]},),
-    },
-    {
-        "prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},),
-        "loads": ({"region": "top", "pressure": 0.05}, {"body_force": [0.0, -0.05]}),
-        "support": "points",
-    },
-)
-
-
-@pytest.mark.parametrize("loading", LOADS)
-def test_reactions_balance_loads(loading):
-    """In equilibrium: forces and, of an energy with points held, moments."""
-    level = simulate(scene_of(**loading), "bond-energy").levels[0]
-    total = np.sum(list(level["forces"].values()), axis=0)
-    np.testing.assert_allclose(total, 0, atol=1e-5)
-    if loading.get("support") == "points":
-        assert sum(level["moments"].values()) == pytest.approx(0, abs=1e-5)
 
 
 @pytest.mark.usefixtures("every_step")

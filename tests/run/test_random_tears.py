@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from described import SCENES
 from runs import started
 from scipy import stats
 
@@ -14,18 +15,7 @@ from pdsurrogate.scenes import SceneError
 LAW = NeoHookean(1.0, 20.0)
 BREAK = homogeneous.uniaxial(LAW, 3.0)
 SCATTER = {"modulus": 10.0, "length": 0.4, "specimen": [1.2, 1.6], "seed": 1}
-SHEET = {
-    "name": "sheet",
-    "spacing": 0.1,
-    "body": {"shape": "rectangle", "size": [1.2, 1.6]},
-    "stretches": [1.1],
-    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
-    "grips": [
-        {"edge": "bottom", "holds": "normal"},
-        {"edge": "top", "holds": "normal", "travel": 1},
-    ],
-    "dynamics": {"stretch": 6.0, "stretch_rate": 0.1, "density": 1.0},
-}
+SHEET = SCENES["sheet with scatter"]
 
 
 def scene(scatter, **changes):

@@ -4,6 +4,7 @@ against closed solutions.
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import pdsurrogate as pds
 from pdsurrogate.materials import Gent, LawCovariance, NeoHookean, Ogden, Polyconvex
@@ -144,33 +145,7 @@ def test_a_result_without_a_covariance_or_with_that_of_another_law_is_refused():
         )
 
 
-def test_a_result_from_files_is_refused(tmp_path):
-    pds.simulate(sheet(NeoHookean()), "neo-hookean").save(tmp_path)
-    with pytest.raises(ValueError, match="call it on the result of"):
-        pds.load_result(tmp_path).standard_errors(["nominal_stress"])
-
-
-@pytest.mark.parametrize(
-    ("names", "values", "message"),
-    [
-        (
-            ("shear",),
-            [[1.0]],
-            "neo-hookean has no number 'shear'; it has shear_modulus, bulk_modulus",
-        ),
-        (("shear_modulus",), [1.0], "1 x 1 finite numbers, for shear_modulus, but has the shape"),
-        (("shear_modulus",), [["much"]], "'much' is no number; it must have 1 x 1 numbers"),
-        ((), [], "names: the list is empty"),
-        (
-            ("shear_modulus", "bulk_modulus"),
-            [[1.0, 2.0], [2.0, 1.0]],
-            "correlations must lie between -1 and 1",
-        ),
-        (("shear_modulus",), [[np.inf]], "finite"),
-        (("shear_modulus",), [[-1.0]], "no negative variance"),
-        (("shear_modulus", "bulk_modulus"), [[1.0, 0.5], [0.0, 1.0]], "symmetric"),
-    ],
-)
+@refused("covariances")
 def test_what_is_no_covariance_is_refused(names, values, message):
     with pytest.raises(ValueError, match=message):
         LawCovariance(NeoHookean(), names, values)

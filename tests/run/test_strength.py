@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy
 import strength
+from described import SCENES
 from runs import started
 from stopping import Killed, while_bonds_break
 
@@ -22,19 +23,7 @@ from pdsurrogate.run.strength import StrongDamage
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 LAW = pds.materials.NeoHookean(1.0, 20.0)
 WORK = homogeneous.uniaxial(LAW, 4.0).energy_density
-SHEET = {
-    "name": "sheet",
-    "spacing": 0.1,
-    "body": {"shape": "rectangle", "size": [1.2, 1.4]},
-    "stretches": [1.1],
-    "material": RUBBER,
-    "grips": [
-        {"edge": "bottom", "holds": "normal"},
-        {"edge": "top", "holds": "normal", "travel": 1},
-    ],
-    "dynamics": {"stretch": 6.0, "stretch_rate": 0.1, "density": 1.0},
-    "fracture": {"energy": WORK, "strength": {"stretch": 4.0}},
-}
+SHEET = SCENES["sheet with a strength"]
 """Sheet between rollers, in which discs have a radius of 0.32."""
 
 

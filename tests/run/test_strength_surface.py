@@ -5,6 +5,7 @@ the factor of its field, and numbers that no surface has are refused.
 import numpy as np
 import pytest
 import scipy
+from described import SCENES
 from runs import started
 
 import pdsurrogate as pds
@@ -15,29 +16,13 @@ from pdsurrogate.problem.tip_factor import factor_of
 from pdsurrogate.scenes.strength import Strength
 
 LAW = pds.materials.NeoHookean(0.52, 86.0)
-STRENGTH = {"uniaxial": 0.3, "hydrostatic": 1.0}
 EQUIBIAXIAL = 0.9 / 3.3
 """Of these two numbers: 3 s_h s_t / (3 s_h + s_t)."""
 
-SHEET = {
-    "name": "sheet",
-    "spacing": 0.1,
-    "body": {"shape": "rectangle", "size": [0.8, 0.8]},
-    "material": LAW.describe(),
-    "prescribed": [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}],
-    "loads": [{"region": "right", "traction": [0.1, 0.0]}],
-    "steps": [0.1],
-    "fracture": {"energy": 0.041, "strength": STRENGTH},
-}
+SHEET = SCENES["sheet with two strengths"]
 """Sheet beside two planes of symmetry, so that it follows any stretches of its sides."""
 
-BLOCK = {
-    "body": {"shape": "box", "size": [0.8, 0.8, 0.8]},
-    "spacing": 0.2,
-    "prescribed": [*SHEET["prescribed"], {"region": "back", "x3": 0.0}],
-    "loads": [{"region": "right", "traction": [0.1, 0.0, 0.0]}],
-    "fracture": {"energy": 0.09, "strength": STRENGTH},
-}
+BLOCK = SCENES["block with two strengths"]
 
 
 def stretch_at(stress_at, stress):

@@ -5,38 +5,17 @@ import json
 
 import numpy as np
 import pytest
+from described import SCENES
 from memory_references import Rubber
+from refusals import refused
 from stopping import killed_with_levels
 
 import pdsurrogate as pds
 
 BRANCHES = [{"modulus": 1.0, "time": 1.0}]
 FALLING = {"modulus": 0.5, "times": [[0.05, 2.0], [1.0, 0.05]]}
-STRIP = {
-    "name": "strip",
-    "spacing": 0.25,
-    "plane": "strain",
-    "horizon_ratio": 1.75,
-    "body": {"shape": "rectangle", "size": [1.0, 0.5]},
-    "material": {"law": "neo-hookean", "branches": BRANCHES},
-    "grips": [
-        {"edge": "left", "holds": "normal"},
-        {"edge": "right", "holds": "normal", "travel": 1.0},
-    ],
-    "stretches": [1.3, 1.3, 1.1],
-    "times": [0.5, 2.0, 2.4],
-}
-MOVED = {
-    "prescribed": [
-        {"region": "left", "x1": 0.0},
-        {"region": "bottom", "x2": 0.0},
-        {"region": "right", "x1": 0.3},
-    ],
-    "grips": [],
-    "stretches": [],
-    "times": [],
-    "steps": [{"to": 1.0, "duration": 0.5, "outputs": 2}, {"to": 1.0, "duration": 1.5}],
-}
+STRIP = SCENES["timed strip"]
+MOVED = SCENES["moves of a timed strip"]
 
 
 def scene_of(**changes):
@@ -190,23 +169,7 @@ def test_the_account_of_dynamics_contains_what_branches_dissipate():
     assert account["remark"] is None
 
 
-@pytest.mark.parametrize(
-    ("changes", "told"),
-    [
-        ({"times": []}, "times: missing"),
-        ({"times": [1.0]}, "needs one time for each of the 3 stretches"),
-        ({"times": [1.0, 0.5, 2.0]}, "before the one of an earlier"),
-        (MOVED | {"steps": [1.0]}, r"steps\.0\.duration: missing"),
-        (MOVED | {"steps": [{"to": 0.5, "duration": 1.0}, 1.0]}, r"steps\.1\.duration: missing"),
-        (
-            MOVED
-            | {
-                "steps": [{"to": 1, "duration": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]
-            },
-            "dynamics.duration",
-        ),
-    ],
-)
+@refused("times")
 def test_programs_without_the_time_that_branches_need_are_refused(changes, told):
     with pytest.raises(ValueError, match=told):
         pds.simulate(scene_of(**changes), "bond-energy")

@@ -5,7 +5,10 @@ make no sense.
 import meshio
 import numpy as np
 import pytest
+from described import SCENES
+from meshes import CUBE as UNIT_CUBE
 from meshes import TETRAHEDRA, write_deck
+from refusals import refused
 from scipy.spatial import cKDTree
 
 from pdsurrogate.discretization import discretize, grip_areas, surface_of
@@ -51,107 +54,7 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
     assert grip_areas(scene, lower, upper) == pytest.approx({"back": 0.8, "front": 0.8}, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"plane": "stress"},
-            "plane: must be space, which is also the default, not stress: the body, a box, is 3D",
-        ),
-        (
-            {"body": {"shape": "circle", "radius": 1.0}, "plane": "space"},
-            "plane: must be stress or strain, not space: the body, a circle, is 2D",
-        ),
-        (
-            {"holes": [{"shape": "circle", "radius": 0.1}]},
-            "holes.0: a circle is 2D, but the body, a box, is 3D",
-        ),
-        (
-            {"precuts": [{"start": [0, 0], "end": [1, 0]}]},
-            "precuts.0: this cut is 2D, but the body, a box, is 3D",
-        ),
-        (
-            {"body": {"shape": "cube", "size": [1, 1, 1]}},
-            "body: unknown shape 'cube'; there are rectangle, circle",
-        ),
-        (
-            {"body": {"shape": "box", "size": [1, 1]}},
-            "body.size.2: this entry is missing, of 2 given",
-        ),
-        (
-            {"body": {"shape": "box", "size": [1, 1, -1]}},
-            "body.size.2: Input should be greater than 0",
-        ),
-        (
-            {"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}},
-            "body.axis: Input should be 'x1', 'x2' or 'x3'",
-        ),
-        (
-            {"body": {"shape": "tube", "inner_radius": 2, "outer_radius": 1, "length": 1}},
-            "body: inner_radius must be less than outer_radius, 1, not 2",
-        ),
-        (
-            {"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}},
-            "body.outline: unknown shape 'sphere'",
-        ),
-        (
-            {"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]},
-            "precuts.0: sides: they span no area",
-        ),
-        (
-            {"precuts": [{"center": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]},
-            "precuts.0.normal: it is a direction",
-        ),
-        (
-            {"precuts": [{"center": [0, 0, 0], "radius": 1}]},
-            "precuts.0.normal: this key is missing",
-        ),
-        (
-            {"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}},
-            "regions.x.disc: this shape is 2D, but the body, a box, is 3D; use ball or half_space",
-        ),
-        (
-            {"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}},
-            "regions.x.half_plane: this shape is 2D, but the body, a box, is 3D; use ball or half",
-        ),
-        (
-            {"regions": {"x": {"box": [[0, 0], [1, 1]]}}},
-            "regions.x.box.0: needs 3 components for a 3D body, not 2",
-        ),
-        (
-            {"regions": {"x": {"near": [0, 0, 0, 0]}}},
-            "regions.x.near: needs at most 3 entries, not 4",
-        ),
-        (
-            {"regions": {"front": {"near": [0, 0, 0]}}},
-            "regions: front is the name of a predefined region; choose another name",
-        ),
-        (
-            {"probes": [{"name": "a", "at": [0, 0]}]},
-            "probes.0.at: needs 3 components for a 3D body, not 2",
-        ),
-        (
-            {"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]},
-            "grips: must hold two opposite edges, left and right or bottom",
-        ),
-        (
-            {"loads": [{"region": "holes.0", "pressure": 1.0}], "steps": 1},
-            "loads.0.region: there is no region 'holes.0'; the body has no",
-        ),
-        (
-            {"body": {"shape": "rectangle", "size": [1, 1]}},
-            "grips.0.edge: a 2D body has no back, only x1, x2 and the edges",
-        ),
-        (
-            {
-                "body": {"shape": "rectangle", "size": [1, 1]},
-                "loads": [{"region": {"and": ["left", {"edge": "front"}]}, "pressure": 1.0}],
-                "steps": 1,
-            },
-            "loads.0.region.and.1: a 2D body has no front, only x1, x2 and the edges left",
-        ),
-    ],
-)
+@refused("bodies in space")
 def test_what_makes_no_sense_is_told_in_one_line(changes, message):
     with pytest.raises(SceneError) as told:
         scene_of(**changes)
@@ -319,17 +222,7 @@ def test_grips_have_the_area_of_the_face_that_they_hold():
         grip_areas(scene, lower, upper)
 
 
-CUTS = {  # none has a bond through its edge, where rounding would decide
-    "parallelogram": {
-        "corner": [-0.207, -0.304, 0.021],
-        "sides": [[0.4, 0.0, 0.1], [0.1, 0.3, 0.0]],
-    },
-    "through a layer of points": {
-        "corner": [-0.6, -0.6, 0.05],
-        "sides": [[0.61, 0.0, 0.0], [0.0, 1.2, 0.0]],
-    },
-    "disc": {"center": [0.03, 0.0, 0.04], "radius": 0.31, "normal": [0.1, 0.2, 1.0]},
-}
+CUTS = SCENES["cuts of boxes"]
 
 
 BETWEEN = {
@@ -521,10 +414,6 @@ def test_faces_that_are_not_flat_are_told():
         regions.facets("left")
 
 
-BRICK = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-"""Corners of a cube in the order of a hexahedron."""
-
-
 def solid_mesh(count=6, jitter=0.2):
     """A cube of side 1 of hexahedra with a cubic cavity in its middle, whose inner nodes are
     moved at random: nodes and cells.
@@ -588,7 +477,7 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
     """The quadrilateral between a hexahedron and six tetrahedra would be twice on the boundary:
     as one face, and as two.
     """
-    nodes = np.concatenate([BRICK, np.add(BRICK, [0, 0, 1])])
+    nodes = np.concatenate([UNIT_CUBE, np.add(UNIT_CUBE, [0, 0, 1])])
     above = np.array([[corner[k] for k in range(4)] for corner in TETRAHEDRA]) + 8
     meshio.write(
         tmp_path / "two.vtu",
@@ -601,41 +490,14 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
         surface_of(scene, *discretize(scene))
 
 
-@pytest.mark.parametrize(
-    ("cells", "dimension", "message"),
-    [
-        (
-            [("tetra", [[0, 1, 2, 4], [0, 1, 2, 3]])],
-            3,
-            "bad.vtu has 1 invalid cells; tetra 1 (counted from 0) is flat, or folded at a corner",
-        ),
-        (
-            [("hexahedron", [[0, 1, 2, 3, 4, 6, 5, 7]])],
-            3,
-            "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is flat, or folded at a",
-        ),
-        (
-            [("wedge", [[0, 1, 2, 4, 5, 6]])],
-            3,
-            "bad.vtu has wedge cells; use only tetra and hexahedron",
-        ),
-        (
-            [("quad", [[0, 1, 2, 3]])],
-            3,
-            "bad.vtu has no tetrahedra or hexahedra; set dimension = 2 for a sheet",
-        ),
-        (
-            [("tetra", [[0, 1, 2, 4]])],
-            2,
-            "has tetra cells; use only triangle and quad; set dimension = 3 for a solid",
-        ),
-    ],
-)
+@refused("meshes in space")
 def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):
     path = tmp_path / "bad.vtu"
     meshio.write(
         path,
-        meshio.Mesh(np.array(BRICK, float), [(kind, np.array(corners)) for kind, corners in cells]),
+        meshio.Mesh(
+            np.array(UNIT_CUBE, float), [(kind, np.array(corners)) for kind, corners in cells]
+        ),
     )
     body = {"shape": "mesh", "dimension": dimension, "file": str(path)}
     grips = ({"edge": "left", "travel": 1.0}, {"edge": "right"})

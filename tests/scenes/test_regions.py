@@ -4,7 +4,9 @@ make no sense.
 
 import numpy as np
 import pytest
+from described import SCENES
 from meshes import write_plate
+from refusals import refused
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import discretize, surface_of
@@ -12,18 +14,7 @@ from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, SceneError, load_scene
 from pdsurrogate.scenes.regions import label_of_region
 
-PLATE = {
-    "name": "plate",
-    "spacing": 0.1,
-    "body": {"size": [2.0, 1.0]},
-    "holes": [
-        {"shape": "circle", "radius": 0.2, "center": [0.5, 0.5]},
-        {"shape": "rectangle", "size": [0.2, 0.2], "lower": [1.4, 0.4]},
-    ],
-    "material": "neo-hookean",
-    "steps": [1],
-    "prescribed": [{"region": "left", "x1": 0.0}],
-}
+PLATE = SCENES["plate with holes"]
 
 
 def scene_of(**changes):
@@ -205,106 +196,7 @@ def said_of(kind, said, **changes):
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("kind", "said", "message"),
-    [
-        (
-            "points",
-            {"box": [[-1, -1], [0.02, 0.05]]},
-            (
-                "prescribed.0.region: the region contains no point of the body; the nearest is"
-                " point 0 at (0.05, 0.05), 0.03 away"
-            ),
-        ),
-        (
-            "points",
-            {"disc": {"center": [2.35, 0.95], "radius": 0.1}},
-            "; the nearest is point 183 at (1.95, 0.95), 0.3 away",
-        ),
-        (
-            "points",
-            {"half_plane": {"point": [0, 2], "normal": [0, 3]}},
-            " at (0.05, 0.95), 1.05 away",
-        ),
-        (
-            "points",
-            {"disc": {"center": [0.5, 0.5], "radius": 0.05}},
-            "prescribed.0.region: the region contains no point of the body; the nearest is",
-        ),
-        (
-            "points",
-            {"or": [{"box": [[3, 0], [4, 1]]}, {"box": [[2, 0], [2.1, 0.1]]}]},
-            "the nearest is point 19 at (1.95, 0.05), 0.05 away",
-        ),
-        (
-            "points",
-            {"and": ["left", "right"]},
-            (
-                "the region contains no point of the body: of 184 candidates, 10 lie in and.0, 10"
-                " lie in and.1, but none lies in all of them"
-            ),
-        ),
-        (
-            "points",
-            {"not": "body"},
-            "prescribed.0.region: the region contains no point of the body",
-        ),
-        (
-            "points",
-            {"points": [3, 184]},
-            (
-                "prescribed.0.region: there is no point 184; the points of the body have the"
-                " numbers 0 to 183"
-            ),
-        ),
-        (
-            "points",
-            {"group": "pull"},
-            (
-                "prescribed.0.region: there is no group 'pull': the body is not a mesh with"
-                " physical groups"
-            ),
-        ),
-        (
-            "points",
-            "corner",
-            (
-                "regions.corner: the region contains no point of the body; the nearest is point 0"
-                " at (0.05, 0.05), 0.04"
-            ),
-        ),
-        (
-            "facets",
-            {"box": [[0.8, 0.3], [1.2, 0.7]]},
-            (
-                "loads.0.region: the region contains no part of the boundary; the nearest is a"
-                " facet of holes.0 with its middle at (0.6983,"
-            ),
-        ),
-        (
-            "facets",
-            "corner",
-            (
-                "regions.corner: the region contains no part of the boundary; the nearest is a"
-                " facet of "
-            ),
-        ),
-        (
-            "facets",
-            {"points": [3]},
-            (
-                "loads.0.region: this load needs a part of the boundary, not points; instead of"
-                " points give an edge,"
-            ),
-        ),
-        (
-            "facets",
-            {"or": ["left", {"near": [0, 0]}]},
-            "loads.0.region: this load needs a part of the boundary, not points; instead of near",
-        ),
-        ("facets", {"group": "pull"}, "loads.0.region: there is no group 'pull'"),
-    ],
-)
+@refused("empty regions")
 def test_empty_regions_say_what_is_nearby(kind, said, message):
     assert message in said_of(kind, said, regions={"corner": {"box": [[0, 0], [0.01, 0.04]]}})
 
@@ -412,87 +304,7 @@ def test_groups_of_a_mesh(meshed):
         regions.facets("holes.1")
 
 
-@pytest.mark.parametrize(
-    ("said", "message"),
-    [
-        ("lefft", "prescribed.0.region: there is no region 'lefft'; did you mean left?"),
-        (
-            {"edge": "lefft"},
-            (
-                "prescribed.0.region.edge: Input should be 'left', 'right', 'bottom', 'top', 'back'"
-                " or 'front' (given 'lefft')"
-            ),
-        ),
-        ({"edg": "left"}, "prescribed.0.region.edg: unknown key; did you mean edge?"),
-        ({"an": ["left"]}, "prescribed.0.region.an: unknown key; did you mean and?"),
-        (
-            3,
-            (
-                "prescribed.0.region: must be the name of a region, or a region such as {edge ="
-                ' "left"} (given 3)'
-            ),
-        ),
-        (
-            ["left"],
-            (
-                "prescribed.0.region: must be the name of a region, or a region such as {edge ="
-                ' "left"}'
-            ),
-        ),
-        (
-            {},
-            (
-                "prescribed.0.region: needs exactly one of edge, box, disc, half_plane,"
-                " ball, half_space, points,"
-            ),
-        ),
-        (
-            {"edge": "left", "near": [0, 0]},
-            "prescribed.0.region: needs exactly one of edge, box",
-        ),
-        (
-            {"and": ["left", {"boks": 1}]},
-            "prescribed.0.region.and.1.boks: unknown key; there are edge, box,",
-        ),
-        ({"and": []}, "prescribed.0.region.and: needs at least 1 entries, not 0"),
-        ({"and": "left"}, "prescribed.0.region.and: must be a list (given 'left')"),
-        (
-            {"or": ["left", "grp"]},
-            "prescribed.0.region.or.1: there is no region 'grp'; did you mean grip?",
-        ),
-        (
-            {"not": {"disc": {"center": [0, 0], "radius": -1}}},
-            "prescribed.0.region.not.disc.radius: Input should be greater than 0 (given -1)",
-        ),
-        (
-            {"disc": {"centr": [0, 0], "radius": 1}},
-            "region.disc.centr: unknown key; did you mean center?",
-        ),
-        (
-            {"half_plane": {"point": [0, 0], "normal": [0, 0]}},
-            "region.half_plane.normal: it is a direction",
-        ),
-        (
-            {"box": [[1, 1], [0, 0]]},
-            "prescribed.0.region: box must be two corners, first the one with the smallest",
-        ),
-        (
-            {"points": [-1]},
-            "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)",
-        ),
-        (
-            "holes.7",
-            "prescribed.0.region: there is no region 'holes.7'; there are holes.0, holes.1, holes",
-        ),
-        (
-            {"not": "holes.2"},
-            (
-                "prescribed.0.region.not: there is no region 'holes.2'; there are holes.0, holes.1,"
-                " holes"
-            ),
-        ),
-    ],
-)
+@refused("regions")
 def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, message):
     path = tmp_path / "mine.toml"
     path.write_text(
@@ -510,43 +322,7 @@ def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, 
     assert text.count("; ") <= 1 + ("this key is missing" in text)
 
 
-@pytest.mark.parametrize(
-    ("named", "message"),
-    [
-        (
-            {"a": {"and": ["b"]}, "b": {"or": ["right", {"not": "a"}]}},
-            "regions.a: the region refers to itself: a -> b -> a",
-        ),
-        ({"a": {"not": "a"}}, "regions.a: the region refers to itself: a -> a"),
-        (
-            {"left": {"edge": "left"}},
-            "regions: left is the name of a predefined region; choose another name",
-        ),
-        (
-            {"x": {"and": ["left", {"edge": "lft"}]}},
-            (
-                "regions.x.and.1.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or"
-                " 'front' (given 'lft')"
-            ),
-        ),
-        (
-            {"x": {"and": ["left", "rigt"]}},
-            "regions.x.and.1: there is no region 'rigt'; did you mean right?",
-        ),
-        ({"x": "left"}, "regions.x: must be a table (given 'left')"),
-        (
-            {"a b": {"edge": "left"}},
-            (
-                "regions.a b: the name of a region begins with a letter, and goes on with letters,"
-                " digits, - and _ (given"
-            ),
-        ),
-        (
-            {"x": {"not": "holes.0"}},
-            "regions.x.not: there is no region 'holes.0'; the body has no holes",
-        ),
-    ],
-)
+@refused("named regions")
 def test_named_regions_that_make_no_sense(named, message):
     with pytest.raises(SceneError) as caught:
         scene_of(regions=named, holes=())

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from described import SCENES
 
 import pdsurrogate as pds
 import pdsurrogate.solvers.nearest_bonds as nearest_bonds
@@ -11,18 +12,13 @@ from pdsurrogate.solvers.nearest_bonds import held_matrix, inverse_of, springs_o
 CONDITION = 9.0
 """Greatest ratio of eigenvalues with which a step of conjugate gradients halves the error."""
 
-SCENES = {
-    "box": ("uniaxial", {"spacing": 1 / 13}),
-    "hole": ("hole", {"spacing": 0.125}),
-    "cells longer than wide": ("uniaxial", {"spacing": 1 / 13, "body.size": [3.0, 1.04]}),
-    "space": ("bonded-block", {"spacing": 1 / 8}),
-}
+LATTICES = SCENES["lattices"]
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", LATTICES)
 def test_cycles_are_symmetric_and_near_the_inverse(name, random, monkeypatch):
     """Also where only a few points are held, and with a material a hundred times as stiff."""
-    scene, changes = SCENES[name]
+    scene, changes = LATTICES[name]
     body = discretize(pds.load_scene(scene, changes))[0]
     moduli = np.where(body.points[:, 0] > body.points[:, 0].mean(), 100.0, 1.0)
     network = springs_of(body, moduli)

@@ -208,28 +208,19 @@ def test_parts_too_thin_for_their_bonds_are_told_of():
         pds.simulate(layer(10.0, 2), "bond-energy")
 
 
-def test_a_contrast_that_bond_forces_do_not_bear_is_told_of():
-    scene = layer(100.0, 4).model_copy(
-        update={
-            "solver": (
-                Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})
-            )
-        }
-    )
-    with pytest.warns(UserWarning, match="100 times as stiff"), pytest.raises(pds.SimulationFailed):
-        pds.simulate(scene, "neo-hookean")
-
-
-def test_a_contrast_for_which_a_rigid_region_is_better_is_told_of():
-    scene = layer(8e4, 4).model_copy(
-        update={
-            "solver": (
-                Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})
-            )
-        }
-    )
-    with pytest.warns(UserWarning, match='material = "rigid"'), pytest.raises(pds.SimulationFailed):
-        pds.simulate(scene, "bond-energy")
+@pytest.mark.parametrize(
+    ("contrast", "plane", "force", "told"),
+    [
+        (100.0, "stress", "neo-hookean", "100 times as stiff"),
+        (8e4, "stress", "bond-energy", 'material = "rigid"'),
+        (4.5, "strain", "bond-energy", "too soft where it is confined"),
+    ],
+)
+def test_contrasts_that_a_force_does_not_bear_are_told_of(contrast, plane, force, told):
+    scene = layer(contrast, 4, plane)
+    few = Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})
+    with pytest.warns(UserWarning, match=told), pytest.raises(pds.SimulationFailed):
+        pds.simulate(scene.model_copy(update={"solver": few}), force)
 
 
 @pytest.mark.parametrize(("plane", "most"), [("strain", 0.05), ("space", 0.005)])
@@ -261,18 +252,6 @@ def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, mos
     force = pds.simulate(scene, "bond-energy").levels[-1]["forces"]["right"][0]
     exact = 1e-3 * (100 + 4 / 3)
     assert abs(force / exact - 1) < most
-
-
-def test_a_confined_layer_in_plane_strain_is_told_of():
-    scene = layer(4.5, 4, "strain")
-    scene = scene.model_copy(
-        update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})}
-    )
-    with (
-        pytest.warns(UserWarning, match="too soft where it is confined"),
-        pytest.raises(pds.SimulationFailed),
-    ):
-        pds.simulate(scene, "bond-energy")
 
 
 def test_a_rigid_region_that_nothing_holds_is_refused():

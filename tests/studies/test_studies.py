@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from commands import commanded
 from meshes import write_plate
+from refusals import refused
 from scipy import stats
 
 import pdsurrogate as pds
@@ -90,131 +91,23 @@ def test_random_samples_follow_their_distribution():
     assert stats.kstest([run["a"] for run in runs], stats.norm(1, 0.1).cdf).pvalue > 0.01
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"scen": "hole"}, "scen: unknown key; did you mean scene?"),
-        ({"scene": "uniaxal"}, "unknown scene 'uniaxal'"),
-        ({"scene": None}, "needs either a scene or a [fit]"),
-        ({"derivatives": "stbility"}, "derivatives: no output has 'stbility'"),
-        ({"derivatives": "peak_nominal_stress"}, "peak_nominal_stress: what a body bears at break"),
-        (
-            {"derivatives": "forces.rigth.1"},
-            "derivatives: 'forces.rigth.1': the scene has none of this name; did you mean right?",
-        ),
-        (
-            {"derivatives": "displacements.nowhere"},
-            (
-                "derivatives: 'displacements.nowhere': the scene has none of this name; there are"
-                " left, right"
-            ),
-        ),
-        (
-            {"derivatives": "nominal_stress", "parameters": {"spacing": [0.5]}, "set": {}},
-            (
-                "derivatives: none of the parameters (spacing) is a number of material, materials,"
-                " loads, prescribed, obstacles, or stretches"
-            ),
-        ),
-        ({"parameters": {}}, "parameters: there are none"),
-        (
-            {"parameters": {"spcing": [1]}},
-            "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?",
-        ),
-        (
-            {"parameters": {"material": {"shear_modulus": 1}}},
-            "parameters.material.shear_modulus: must be a list of values, such as [1]",
-        ),
-        ({"parameters": {"material.stiffness": [1]}}, "neo-hookean has no parameter 'stiffness'"),
-        (
-            {"parameters": {"material.shear_modulus": [1, -2]}},
-            (
-                "run 2 of 2 (material.shear_modulus=-2): scene uniaxial: material: neo-hookean:"
-                " shear_modulus must"
-            ),
-        ),
-        ({"parameters": {"spacing": [0.2]}}, "set.spacing: is also a parameter"),
-        (
-            {"force": None, "parameters": {"force": ["nosb", "wizardry"]}},
-            "run 2 of 2 (force=wizardry): unknown force 'wizardry'",
-        ),
-        (
-            {"force": "bond-energy", "parameters": {"rotation": ["convected"]}},
-            "does not support rotation=convected",
-        ),
-        (
-            {"force": "neo-hookean", "parameters": {"material": ["gent"]}},
-            "run 1 of 1 (material=gent)",
-        ),
-        ({"design": "lattice"}, "design: Input should be 'grid'"),
-        ({"design": "random"}, "samples: design=random needs"),
-        (
-            {"parameters": {"a": [1, 2], "b": [1]}, "design": "zip"},
-            "design=zip needs lists of equal length, but a has 2, b has 1 values",
-        ),
-        (
-            {"parameters": {"a": {"distribution": "uniform"}}},
-            "parameters.a: a distribution needs design=random",
-        ),
-        (
-            {"parameters": {"a": {"distribution": "unifrm"}}},
-            "parameters.a: unknown distribution 'unifrm'; did you mean uniform?",
-        ),
-        (
-            {"parameters": {"a": {"distribution": "norm", "scale": -1}}},
-            "parameters.a: norm is undefined for scale=-1",
-        ),
-        (
-            {"parameters": {"a": {"distribution": "norm", "scale": "x"}}},
-            "parameters.a: scale: Input should be a valid number",
-        ),
-        (
-            {"parameters": {"a": list(range(400)), "b": list(range(400))}},
-            "the grid has 160000 runs, more than the limit 100000",
-        ),
-        (
-            {"quantities": ["converged", "nominal_stres"]},
-            "quantities: no run has 'nominal_stres'; did you mean nominal_stress?",
-        ),
-        (
-            {
-                "scene": None,
-                "force": None,
-                "set": {},
-                "fit": {},
-                "parameters": {"degree": [3]},
-                "quantities": ["nominal_stress"],
-            },
-            "quantities: no run has 'nominal_stress'; there are material",
-        ),
-        (
-            {"set": {}, "parameters": {"spacing": [0.5, 1e-9]}},
-            "run 2 of 2 (spacing=1e-09): scene uniaxial: spacing 1e-09 makes 3e+18 points; ",
-        ),
-        (
-            {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degre": [3]}},
-            "fit: degre: unknown key; did you mean degree?",
-        ),
-        (
-            {
-                "scene": None,
-                "force": None,
-                "set": {},
-                "fit": {"units": 4},
-                "parameters": {"degree": [3]},
-            },
-            "fit: degree sets a polynomial",
-        ),
-    ],
-)
-def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
+@refused("studies")
+def test_bad_input_is_told_before_anything_is_run(changes, without, message, tmp_path):
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0]}, **changes}
+    for key in without:
+        del description[key]
     with pytest.raises(pds.SceneError) as caught:
-        pds.study(
-            {key: value for key, value in description.items() if value is not None},
-            tmp_path / "out",
-        )
+        pds.study(description, tmp_path / "out")
     assert message in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_grid_of_too_many_runs_is_refused(tmp_path):
+    many = {name: list(range(400)) for name in "ab"}
+    with pytest.raises(
+        pds.SceneError, match="the grid has 160000 runs, more than the limit 100000"
+    ):
+        pds.study({**TINY, "parameters": many}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -230,7 +123,7 @@ def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
         ),
         (
             'scene = "uniaxial"\nparameters = {spacing = [0.5]}',
-            ["--jobs", "2", "--scheduler", "tcp://localhost:1"],
+            "--jobs 2 --scheduler tcp://localhost:1",
             "jobs: with a scheduler",
         ),
     ],
@@ -239,7 +132,7 @@ def test_bad_input_is_one_line_and_status_2(text, options, message, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     if text is not None:
         Path("study.toml").write_text(text)
-    done = commanded("study", "study.toml", *options, status=2)
+    done = commanded("study study.toml", options, status=2)
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
