@@ -172,11 +172,15 @@ class MaterialPoints:
         """Numbers in the body of the pairs whose constants are stored, and their places in the rows
         of `rows`, one row after the other.
         """
-        pairs = np.arange(len(self._kinematics.body.bonds.first))[self.pairs]
-        _, blocks = np.unique(self.rows, return_index=True)
+        # Rows are numbered in the order in which blocks first have them.
+        blocks = np.flatnonzero(
+            np.diff(np.maximum.accumulate(self.rows.astype(np.int32)), prepend=-1)
+        )
         places = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-        within = np.flatnonzero(places < len(pairs))
-        return pairs[places[within]], within
+        count = self._kinematics.body.bonds.n_pairs if self.whole else len(self.pairs)
+        within = np.flatnonzero(places < count)
+        places = places[within]
+        return places if self.whole else self.pairs[places], within
 
     def pairs_of_points(self) -> tuple[np.ndarray, ...]:
         """Return the pairs of each point of this object, see `pdsurrogate.body.bonds`."""

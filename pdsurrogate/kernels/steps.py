@@ -85,6 +85,28 @@ def greatest_strain(displacements, points, first, second):
 
 
 @kernel
+def greatest_change_of_length(before, after, points, first, second):
+    """Return the largest change of the length of a bond from positions `before` to `after`, over
+    its undeformed length; NaN if any is not finite. For the others see `greatest_strain`.
+    """
+    largest = 0.0
+    total = 0.0
+    for b in range(first.shape[0]):
+        i = first[b]
+        j = second[b]
+        if j < points.shape[0]:
+            square = one = other = 0.0
+            for c in range(points.shape[1]):
+                square += (points[j, c] - points[i, c]) ** 2
+                one += (before[j, c] - before[i, c]) ** 2
+                other += (after[j, c] - after[i, c]) ** 2
+            change = abs(np.sqrt(other) - np.sqrt(one)) / np.sqrt(square)
+            largest = max(largest, change)
+            total += change
+    return largest if total < np.inf else np.nan
+
+
+@kernel
 def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
     """Take one explicit time step of M (a + c v) = f in place, with a `damping` c proportional to
     mass.

@@ -142,9 +142,8 @@ class Loading:
             True for the bonds that connect points; all by default.
         """
         bonds = self.body.bonds
-        n = len(self.body)
-        within = bonds.second < n if intact is None else (bonds.second < n) & intact
-        return self._share.pieces(bonds.first[within], bonds.second[within])
+        ends = (bonds.first, bonds.second)
+        return self._share.pieces(*(ends if intact is None else (end[intact] for end in ends)))
 
     def at(self, parameter: float) -> str:
         """Return a value of the loading parameter with its name, as text for messages."""
