@@ -32,10 +32,6 @@ from processes import NotRun, environment, spent
 
 import pdsurrogate as pds
 
-# Other modules of the package are imported where they are used: the memory of a process counts that
-# of the one which starts it.
-
-
 ROOT = Path(__file__).resolve().parents[1]
 
 BIND = """
