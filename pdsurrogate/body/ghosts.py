@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -385,10 +386,12 @@ class Ghosts:
     def moved_by_planes(
         self, displacements: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the displacements (m, d) of the ghosts due to the planes alone, while the
+        """Return the displacements (..., m, d) of the ghosts due to the planes alone, while the
         body's points do not move; see `shifts`.
         """
-        moved = np.einsum("mpd,pd->md", self.lever, displacements)
+        moved = np.zeros(displacements.shape[:-2] + self.points.shape)
+        for plane in range(self.lever.shape[1]):
+            moved += self.lever[:, plane] * displacements[..., None, plane, :]
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self.feet)
         return moved
@@ -437,24 +440,36 @@ class Ghosts:
         forces = forces.copy()
         moments = moments.copy()
         levers = np.zeros((len(self.planes), dimension, dimension))
+        for number, own, above, parity, rows, columns in self._mirrored_last_first:
+            pulls = forces[own]
+            levers[number] += np.einsum("gr,gc->rc", parity * pulls, positions[above])
+            levers[number] -= np.einsum("gr,gc->rc", pulls, positions[n + own])
+            turned, continued = (
+                np.einsum("grb,gcb->rc", moments[own], one)
+                for one in (gradients[n + own], gradients[above] @ columns)
+            )
+            levers[number] += turned - rows[:, None] * continued
+            again = np.flatnonzero(above >= n)
+            if len(again):
+                np.add.at(forces, above[again] - n, (parity * forces[own])[again])
+                passed = rows[:, None] * (moments[own[again]] @ columns[again])
+                np.add.at(moments, above[again] - n, passed)
+        return levers
+
+    @cached_property
+    def _mirrored_last_first(self) -> list[tuple]:
+        """Of every plane, from the last to the first: its number and those of its images, what
+        these mirror, their parities, and what continues their gradients.
+        """
+        found = []
         for number in reversed(range(len(self.planes))):
             own = np.flatnonzero(self.plane == number)
-            above = self.parent[own]
             plane = self.planes[number]
             curved = isinstance(plane, HeldBoundary)
             parity = self.parity[own] if curved else np.array(plane.parity, float)[None]
-            arms = positions[n + own][:, None] - parity[:, :, None] * positions[above][:, None]
-            levers[number] -= np.einsum("gr,grc->rc", forces[own], arms)
-            rows, columns, _, _ = self._continuation(plane, self.share_along, own)
-            continued = rows[:, None, None] * (gradients[above] @ columns)[:, None]
-            turned = gradients[n + own][:, None] - continued
-            levers[number] += np.einsum("grb,grcb->rc", moments[own], turned)
-            again = above >= n
-            np.add.at(forces, above[again] - n, (parity * forces[own])[again])
-            np.add.at(
-                moments, above[again] - n, rows[:, None] * (moments[own[again]] @ columns[again])
-            )
-        return levers
+            continued = self._continuation(plane, self.share_along, own)[:2]
+            found.append((number, own, self.parent[own], parity, *continued))
+        return found
 
     @property
     def of_gradients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

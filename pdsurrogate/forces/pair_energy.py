@@ -14,6 +14,7 @@ from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
+from ..kernels.steps import copy_rows
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .balanced import balanced_changes
@@ -24,14 +25,15 @@ from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs, bond_gradients
 from .steps import Steps
-from .term import MaterialTerm, OutsideCounter, whole_volume
+from .term import OutsideCounter, Passes, whole_volume
 from .volume_energy import VolumeEnergy
+from .work_on_planes import WorkOnPlanes
 
 if TYPE_CHECKING:
     from .pair_memory import PairMemory
 
 
-class PairEnergy(MaterialTerm):
+class PairEnergy(WorkOnPlanes):
     """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's
     deformation gradient F_ij.
 
@@ -91,7 +93,8 @@ class PairEnergy(MaterialTerm):
             self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:
             self.parts = [PairEnergies(*one) for one in each]
-        self._energy = 0.0
+        # of the last evaluation; None where passes have made it
+        self._energy: float | None = 0.0
         self.memories = [
             self._memory_of(number)
             for number, points in enumerate(self.materials)
@@ -172,6 +175,16 @@ class PairEnergy(MaterialTerm):
         if without_force:
             raise InvalidState(self.diagnose(out))
 
+    def passes(self, out: np.ndarray) -> Passes | None:
+        steps = self._find_all.passes
+        if steps is None or self.memories or self._on_jumps is not None or self._model.domain:
+            return None
+        bind = self.kinematics.bind
+        checks = [one for part in self.parts for one in part.checks(bind)]
+        copy = bind(copy_rows, self._on_points, out)
+        self._energy = None
+        return Passes((*steps, *checks, copy), self._sum_on_planes)
+
     def pass_bonds(self, out: np.ndarray) -> None:
         self._run(self._find_forces, out)
 
@@ -191,7 +204,7 @@ class PairEnergy(MaterialTerm):
         if self.volume is not None and self.body.share.any(invalid):
             return [0] * len(self.parts), invalid, 0
         if not any(inside_out):
-            self._energy = sum(part.unit * part.energy() for part in self.parts)
+            self._energy = self._sum()
         out[:] = self._on_points[: len(out)]
         if self._on_jumps is not None:
             out += self._on_jumps
@@ -230,11 +243,14 @@ class PairEnergy(MaterialTerm):
                 step()
 
     def energy(self) -> float:
-        return self._energy
+        return self._sum() if self._energy is None else self._energy
+
+    def _sum(self) -> float:
+        return sum(part.unit * part.energy() for part in self.parts)
 
     def stored(self) -> float:
         if not self.memories or np.isnan(self._energy):
-            return self._energy
+            return self.energy()
         return sum(part.unit * part.stored() for part in self.parts)
 
     def dissipated(self) -> dict[str, float]:
@@ -292,27 +308,6 @@ class PairEnergy(MaterialTerm):
         return self.kinematics.of_pairs(
             numbers, owners, self.shares.pulls(self._stresses, owners, changes)
         )
-
-    def forces_of_planes(self) -> np.ndarray:
-        """Return the forces of the planes by virtual work: a plane moves its ghosts."""
-        return -np.einsum("gpc,gc->pc", self.body.ghosts.lever, self._on_ghosts())
-
-    def levers_on_planes(self) -> np.ndarray:
-        kinematics = self.kinematics
-        moments = self._counted(self._moments_of_ghosts)
-        places = kinematics.positions, matrices(kinematics.gradients)
-        return kinematics.gradient_ghosts.levers_on_planes(
-            *places, self._on_ghosts(), matrices(moments)
-        )
-
-    def _on_ghosts(self) -> np.ndarray:
-        """Return the forces on the ghosts, (m, d), that this rank counts."""
-        return self._counted(self._on_points[len(self.body) :])
-
-    def _counted(self, on_ghosts: np.ndarray) -> np.ndarray:
-        """Return values of ghosts, 0 where another rank owns the point that the ghost mirrors."""
-        share = self.body.share
-        return on_ghosts * share.own[self.body.ghosts.source, None] if share.divided else on_ghosts
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the

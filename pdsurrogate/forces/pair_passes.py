@@ -2,6 +2,7 @@
 that compute them.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import analytic_energy_density
+from ..kernels.steps import count_infinite, count_positive
 from .binding import Binding
 from .bond_shares import BondShares
 from .domain import EVERYWHERE
@@ -119,6 +121,12 @@ class PairsWithEnergy(Pairs):
         """
         return float(self.energies.sum())
 
+    def checks(self, bind: Callable) -> list[BoundPass]:
+        """Return passes that return a count where the energy in the state last evaluated is not
+        finite, or a pair has collapsed.
+        """
+        return [bind(count_infinite, self.energies)]
+
     def stored(self) -> float:
         """Return the stored energy in the state last evaluated, divided by the shear modulus;
         `energy` is that of which the forces are the derivative.
@@ -193,6 +201,9 @@ class PairEnergies(PairsWithEnergy):
     def set_parameters(self, model) -> None:
         super().set_parameters(model)
         self._weights[:] = model.compiled(self._precision).weights
+
+    def checks(self, bind: Callable) -> list[BoundPass]:
+        return [*super().checks(bind), bind(count_positive, self.count_rows)]
 
     def counts(self) -> tuple[int, int, int]:
         """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below
@@ -301,6 +312,9 @@ class SelectivePairs(PairsWithEnergy):
     def stored(self) -> float:
         volumetric = 0.0 if self.memory is None else float(self.volume_energies.sum())
         return super().stored() + volumetric
+
+    def checks(self, bind: Callable) -> list[BoundPass]:
+        return [*super().checks(bind), bind(count_infinite, self.volume_energies)]
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain since the last call, and two zeros:

@@ -14,6 +14,9 @@ RESOLVED = 1000
 counts as undeformed: such strains have errors above 0.1 %.
 """
 
+NONE = np.zeros(0, dtype=bool)
+"""Flags of broken pairs where no pair is broken."""
+
 
 def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
     """Return the stretches, deformed length divided by undeformed length, of bonds between local
@@ -38,15 +41,16 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
     return greatest_change_of_length(before, after, body.points, *ends)
 
 
-def strain_of_step(body: Body, step: np.ndarray) -> float:
+def strain_of_step(body: Body, step: np.ndarray, broken: np.ndarray = NONE) -> float:
     """Return the greatest relative displacement of two bonded points, in any component, divided by
     the length of their undeformed bond.
 
-    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place.
+    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place. Pairs
+    with a flag in `broken` do not count.
     """
     body.share.fill(step)
     return body.share.greatest(
-        greatest_strain(step, body.points, body.bonds.first, body.bonds.second)
+        greatest_strain(step, body.points, body.bonds.first, body.bonds.second, broken)
     )
 
 

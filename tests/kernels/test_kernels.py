@@ -12,6 +12,7 @@ from pdsurrogate.engine.block_arrays import BLOCK, block_rows
 from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.kernels.steps import greatest_strain
+from pdsurrogate.solvers.bond_strains import NONE
 
 
 def wavy(points, size=0.03):
@@ -99,7 +100,8 @@ def test_compiled_code_is_cached_and_compilation_is_announced():
     and is announced.
     """
     body = gripped_sheet()
-    arguments = np.zeros_like(body.all_points), body.all_points, body.bonds.first, body.bonds.second
+    bonds = body.bonds
+    arguments = np.zeros_like(body.points), body.points, bonds.first, bonds.second, NONE
     greatest_strain(*arguments)
     again = kernel(greatest_strain.py_func)
     announced = []
