@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from cases import Case, at_spacings, percent, report, scene_of
+from cases import LISTED, Case, at_spacings, percent, report, scene_of
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
@@ -229,7 +229,7 @@ def ring_states(pressure, plane):
     return states
 
 
-def edges(plane, spacing):
+def edges(spacing, plane):
     """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P
     of the ring: the radial equation.
     """
@@ -257,68 +257,26 @@ def edges(plane, spacing):
             yield f"{name}, {edge}", 100 * float(off[near].max()), count
 
 
-ROWS = {
-    "bushing": Case(
-        bushing,
-        (0.1, 0.05, 0.025),
-        "bushing: ring of radii 1 and 2, plane strain, outside held, inside turned by 20 degrees;"
-        " force: also moved by 0.2",
-    ),
-    "rigid-bushing": Case(
-        rigid_bushing,
-        (0.1, 0.05, 0.025),
-        "the same bushing of a body of radius 2.4, between rigid regions",
-    ),
-    "simple-shear": Case(
-        simple_shear, (0.04, 0.02, 0.0125), "simple shear of 2 x 1 by 0.5, plane stress"
-    ),
-    "cylinder": Case(
-        cylinder,
-        (1 / 8, 1 / 16, 1 / 24),
-        "cylinder of radius 0.5 and length 1.5 between bonded plates, twisted by 60 degrees",
-    ),
-    "bent-bar": Case(
-        bent_bar,
-        (0.05, 0.2 / 6, 0.025),
-        "bar of 2 x 0.2 (x 0.2), bent by a traction on its end: 4, 6 and 8 points across",
-    ),
-    "square-plane-stress": Case(
-        partial(square, plane="stress"),
-        (0.1, 0.05),
-        "square under a traction of 0.5 on all sides, plane stress",
-    ),
-    "square-plane-strain": Case(
-        partial(square, plane="strain"), (0.1, 0.05), "the same in plane strain"
-    ),
-    "square-relaxed": Case(
-        partial(square, plane="strain", arrangement="relaxed"),
-        (0.1, 0.05),
-        "the same of relaxed points",
-    ),
-    "eccentric-ring": Case(
-        eccentric_ring,
-        (0.08, 0.04, 0.02),
-        "ring of radius 2 with an eccentric hole of radius 1 (0.3 off), pressure 0.15 per"
-        " undeformed thickness, plane stress",
-    ),
-    "disc": Case(
-        disc,
-        (0.1, 0.05, 0.025),
-        "disc of radius 0.25, 10 times as stiff, in the middle of a strip of 2 x 1 pulled to 1.5"
-        " between rollers, plane stress",
-    ),
-    "edges-plane-stress": Case(
-        partial(edges, "stress"),
-        (0.1, 0.05, 0.025),
-        "F and P within a horizon of the edges of a ring of radii 1 and 2 under inner pressure 0.3,"
-        " plane stress",
-    ),
-    "edges-plane-strain": Case(
-        partial(edges, "strain"),
-        (0.1, 0.05, 0.025),
-        "F and P within a horizon of the edges of the same ring in plane strain",
-    ),
-}
+MEASURED = (
+    bushing,
+    rigid_bushing,
+    simple_shear,
+    cylinder,
+    bent_bar,
+    square,
+    eccentric_ring,
+    disc,
+    edges,
+)
+MEASURES = {one.__name__: one for one in MEASURED}
+
+
+def row(measure, spacings, title, keys=None):
+    """A case of `data/cases.toml`."""
+    return Case(partial(MEASURES[measure], **(keys or {})), tuple(spacings), title)
+
+
+ROWS = {name: row(**case) for name, case in LISTED["boundaries"].items()}
 
 if __name__ == "__main__":
     report(__doc__, at_spacings("boundaries", ROWS))

@@ -1,7 +1,4 @@
-"""What processes cost: processor time, wall time and memory.
-
-Nothing large is imported here: the memory of a process counts that of the one which starts it.
-"""
+"""What processes cost: processor time, wall time and memory."""
 
 import json
 import os
@@ -10,6 +7,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+START = """
+import os, sys
+process = os.posix_spawnp(sys.argv[2], sys.argv[2:], os.environ)
+_, code, usage = os.wait4(process, 0)
+told = os.waitstatus_to_exitcode(code), usage.ru_utime + usage.ru_stime, usage.ru_maxrss
+os.write(int(sys.argv[1]), " ".join(map(str, told)).encode())
+"""
+"""Starts a process and tells its status, seconds and memory (kB) to a pipe. The memory of a process
+counts that of the one which starts it, so this one is small.
+"""
 
 
 class NotRun(SystemExit):
@@ -41,20 +49,25 @@ def spent(path, *words, python=(sys.executable,), ranks=0, together=1, status=0,
     ]
     began, seconds, memory, ended = time.perf_counter(), 0.0, 0.0, []
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
-        started = [
+        reads = []
+        for _ in range(together):
+            read, write = os.pipe()
             subprocess.Popen(
-                command, cwd=path, env=environment(path, **variables), stdout=out, stderr=errors
+                [sys.executable, "-S", "-c", START, str(write), *command],
+                cwd=path,
+                env=environment(path, **variables),
+                stdout=out,
+                stderr=errors,
+                pass_fds=(write,),
             )
-            for _ in range(together)
-        ]
-        for process in started:
-            _, code, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(code)
-            ended.append(process.returncode)
-            seconds, memory = (
-                seconds + usage.ru_utime + usage.ru_stime,
-                max(memory, usage.ru_maxrss / 1024),
-            )
+            os.close(write)
+            reads.append(read)
+        for read in reads:
+            with os.fdopen(read) as told:
+                code, used, most = map(float, told.read().split())
+            ended.append(int(code))
+            seconds += used
+            memory = max(memory, most / 1024)
         wall = time.perf_counter() - began
         printed, said = (file.seek(0) or file.read().strip().splitlines() for file in (out, errors))
     if set(ended) != {status}:

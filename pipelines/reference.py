@@ -6,20 +6,18 @@ python pipelines/reference.py     writes the marked blocks of the pages in docs/
 
 import inspect
 import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 
 import typer
 
-from pdsurrogate.artifacts import card, load_card, load_surrogate
+from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.forces import FORCES
-from pdsurrogate.identification import campaign
-from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
-from pdsurrogate.scenes import loading, model, obstacles, regions, scene, shapes, solids, strength
-from pdsurrogate.studies import description
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES, SHIPPED = (
@@ -32,72 +30,10 @@ BLOCK = re.compile(r"(<!-- (\w+) ([\w. -]+) -->\n).*?(<!-- /\2 -->)", re.DOTALL)
 that stands in it.
 """
 
+LISTED = tomllib.loads((ROOT / "pipelines" / "data" / "reference.toml").read_text("utf-8"))
 TABLES = {
-    "scene.md": {
-        "scene": scene.Scene,
-        "rectangle": shapes.Rectangle,
-        "circle": shapes.Circle,
-        "ellipse": shapes.Ellipse,
-        "polygon": shapes.Polygon,
-        "box": solids.Box,
-        "cylinder": solids.Cylinder,
-        "tube": solids.Tube,
-        "sphere": solids.Sphere,
-        "extrusion": solids.Extrusion,
-        "mesh": shapes.Mesh,
-        "precuts.line": shapes.Precut,
-        "precuts.parallelogram": solids.ParallelogramCut,
-        "precuts.disc": solids.DiscCut,
-        "material": model.MaterialSpec,
-        "material.branches": model.BranchSpec,
-        "material.softening": model.SofteningSpec,
-        "materials": model.Part,
-        "regions": regions.Region,
-        "regions.disc": regions.Disc,
-        "regions.half_plane": regions.HalfPlane,
-        "regions.ball": regions.Ball,
-        "regions.half_space": regions.HalfSpace,
-        "grips": model.Grip,
-        "holds": model.Hold,
-        "prescribed": loading.Prescribed,
-        "loads": loading.Load,
-        "obstacles": obstacles.Obstacle,
-        "obstacles.cylinder": obstacles.Roller,
-        "steps": loading.Step,
-        "steps.dynamics": loading.StepDynamics,
-        "probes": loading.Probe,
-        "solver": model.SolverSpec,
-        "fracture": model.Fracture,
-        "fracture.strength": strength.Strength,
-        "fracture.strength.scatter": strength.Scatter,
-        "fracture.interfaces": model.InterfaceFracture,
-        "materials.fracture": model.Criterion,
-        "dynamics": model.Dynamics,
-        "units": model.Units,
-    },
-    "study.md": {
-        "study": description.Study,
-        "parameters": description.Distribution,
-        "fit": description.Fit,
-        "fit.settings": FitSettings,
-    },
-    "tests.md": {"campaign": campaign.Campaign, "test": campaign.CampaignTest},
-    "card.md": {
-        "card": card.Card,
-        "material": card.Material,
-        "features": card.FeatureEntries,
-        "training": card.TrainingEntries,
-        "training.identification": card.IdentificationEntries,
-        "training.identification.covariance": card.CovarianceEntries,
-        "training.identification.at_break": card.BreakEntries,
-        "training.identification.tearing": card.TearingEntries,
-        "domain": card.DomainSpec,
-        "errors": card.ReportsEntries,
-        "errors.report": card.ReportEntries,
-        "errors.values": card.ErrorEntries,
-        "errors.strain": card.BinEntries,
-        "payloads": card.Payload,
-    },
+    page: {name: resolve_name(place) for name, place in tables.items()}
+    for page, tables in LISTED.items()
 }
 """Models whose keys are on each page, by the names of their tables."""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from cases import Case, Study, at_spacings, listed, of_rows, percent, report
+from cases import LISTED, Case, Study, at_spacings, listed, of_rows, percent, report
 from matplotlib.figure import Figure
 from pages import FIGURES
 
@@ -44,25 +44,10 @@ def uniaxial(title, force, *changes):
 
 STILL = {"fracture": None, "dynamics": None}
 STRESS, SIDE = "nominal stress at {:g} (kPa)", "largest u1 at {:g} (cm)"
-SECTIONS = [
-    ("6.2, Table 1", "uniaxial", {}, STRESS, {1.5: 1.09, 2.0: 1.8, 2.5: 2.4}),
-    ("6.2, Table 1", "uniaxial", {}, "u2 at {:g} (cm)", {1.5: 0.0915, 2.0: 0.145, 2.5: 0.182}),
-    ("6.3, Fig. 8", "pure-shear", {}, STRESS, {}),
-    ("6.3, Fig. 9", "pure-shear", {}, SIDE, {2.5: 0.211}),
-    ("6.4", "hole", {}, STRESS, {}),
-    ("6.4, Fig. 12", "hole", {}, SIDE, {1.2: 0.16}),
-    ("6.5, precut", "tear", STILL | {"stretches": [1.1, 1.2]}, STRESS, {}),
-    (
-        "6.5, uncut",
-        "tear",
-        STILL | {"precuts": [], "stretches": [1.1, 1.25, 1.5, 2.0]},
-        STRESS,
-        {},
-    ),
-    ("6.7", "gent", {}, STRESS, {2.0: 1.83}),
-    ("6.7, Fig. 18", "gent", {}, "u2 at {:g} (cm)", {2.0: 0.145}),
-]
-"""Section, scene, changes of it, quantity, and the paper's values by stretch."""
+SECTIONS = [tuple(case.values()) for case in LISTED["sections"]]
+"""Section, scene, changes of it, quantity, and the paper's values by stretch. Sheets of section 6.5
+do not break here.
+"""
 
 KEYS = {
     STRESS: "nominal_stress",
@@ -74,10 +59,11 @@ KEYS = {
 def compared(section, scene, changes, quantity, paper):
     """Results at the stretches for which there is a reference."""
     key = KEYS[quantity]
-    for level in pds.simulate(pds.load_scene(scene, changes)).levels:
+    still = STILL if scene == "tear" else {}
+    for level in pds.simulate(pds.load_scene(scene, still | changes)).levels:
         found, stretch, exact = level[key], level["stretch"], level.get(f"{key}_reference")
         if exact is not None:
-            value = paper.get(round(stretch, 6))
+            value = dict(paper).get(round(stretch, 6))
             row = section, quantity.format(stretch), found, exact, percent(found, exact), value
             yield *row, None if value is None else percent(value, exact)
 

@@ -12,7 +12,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from cases import of_rows, report
+from cases import LISTED, of_rows, report
 
 import pdsurrogate as pds
 from pdsurrogate.problem.materials import checked_models
@@ -27,93 +27,9 @@ depend so little that residuals of 1e-10 need the greater one.
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
 
-HOLE = {"probes": [{"name": "side", "at": [0.45, 0.0]}, {"name": "up", "at": [0.0, 0.6]}]}
-MEASURED = ["nominal_stress", "forces", "probes.side.displacement"]
-OF_HOLE = [*MEASURED, "probes.up.displacement"]
 
-OGDEN = {
-    "law": "ogden",
-    "moduli": [1.4911, 0.00284, -0.02367],
-    "exponents": [1.3, 5.0, -2.0],
-    "bulk_modulus": 100.0,
-}
-TERMS = {
-    "law": "polyconvex",
-    "bulk_modulus": 100.0,
-    "first": [0.3, 0.01, 1e-3, 1e-4],
-    "second": [0.05, 1e-3, 1e-4],
-    "roots": [0.2, 0.1],
-}
-
-
-def numbers(**places):
-    """Names of numbers of some arrays."""
-    return [
-        f"{key.replace('__', '.')}.{place}" for key, of in places.items() for place in of.split()
-    ]
-
-
-OF_OGDEN = numbers(material__moduli="0 1 2", material__exponents="0 1 2")
-OF_TERMS = numbers(material__first="0 1 2 3", material__second="0 1 2", material__roots="0 1")
-OF_ISOCHORIC = numbers(force__output_weights="0 1 2 3 4 5 6", force__hidden_biases="4")
-OF_NETWORK = numbers(
-    force__output_weights="0 3 5 8",
-    force__hidden_weights__0="1 4 7",
-    force__hidden_biases="2 6 9",
-)
-MODULI = ["material.shear_modulus", "material.bulk_modulus"]
-EXACT, DOUBLE = {"material": OGDEN}, {"precision": "float64"}
-
-CASES = [
-    (
-        "`hole`: 9 coefficients of an energy, K",
-        (0.05, 0.1),
-        "bond-energy",
-        HOLE | {"material": TERMS},
-        [*OF_TERMS, MODULI[1]],
-        OF_HOLE,
-    ),
-    (
-        "`hole`: 10 numbers of a learned energy",
-        (0.05, 0.1),
-        "neo-hookean-energy",
-        HOLE | DOUBLE,
-        OF_NETWORK,
-        OF_HOLE,
-    ),
-    (
-        "`hole`, bond forces: Ogden's 6 numbers, K, stretch",
-        (0.05, 0.1),
-        "analytic",
-        HOLE | EXACT,
-        [*OF_OGDEN, MODULI[1], "stretch"],
-        OF_HOLE,
-    ),
-    (
-        "`plane-strain-block`: μ, K, 8 numbers of a learned energy",
-        (0.025, 0.1),
-        "neo-hookean-isochoric",
-        {"stretches": [1.3]} | DOUBLE,
-        [*MODULI, *OF_ISOCHORIC],
-        MEASURED,
-    ),
-    (
-        "`bonded-block`: Ogden's 6 numbers, K, stretch",
-        (0.0625, 0.125),
-        "bond-energy",
-        EXACT,
-        [*OF_OGDEN, MODULI[1], "stretch"],
-        MEASURED,
-    ),
-    (
-        "`bonded-block`: μ, K, 8 numbers of a learned energy",
-        (0.0625, 0.125),
-        "neo-hookean-isochoric",
-        DOUBLE,
-        [*MODULI, *OF_ISOCHORIC],
-        MEASURED,
-    ),
-]
+KEYS = "title", "spacings", "force", "changes", "parameters", "outputs"
+CASES = [tuple(case[key] for key in KEYS) for case in LISTED["sensitivities"]]
 """Titles, spacings of the costs and of the comparison, force models, changes of the scene that the
 title begins with, parameters and outputs.
 """

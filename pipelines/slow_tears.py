@@ -15,7 +15,7 @@ from itertools import product
 from unittest.mock import patch
 
 import numpy as np
-from cases import of_rows, percent, report, rows_of, scene_of
+from cases import LISTED, of_rows, percent, report, rows_of, scene_of
 
 import pdsurrogate as pds
 from pdsurrogate.run import tearing
@@ -28,11 +28,7 @@ SHEETS = "strip", "notched"
 """Sheets between clamps."""
 
 
-SLOWER = {
-    "strip": {"dynamics.stretch_rate": 0.0004},
-    "notched": {"dynamics.stretch_rate": 0.0002},
-    "cantilever": {"steps.1.dynamics.duration": 2500.0},
-}
+SLOWER = LISTED["slower tears"]
 """A tenth of the rate of each file, for the process "slower dynamics"."""
 
 
@@ -66,16 +62,7 @@ def torn(name, seed, process):
     yield name, seed, process, *figures_of(scene(name, seed, process))
 
 
-LEGS = {
-    "as the scene": {},
-    "half as wide": {
-        "fracture": {"critical_stretch": 2.2871},
-        "body.size": [32.0, 8.0, 2.0],
-        "precuts.0.corner": [-1.0, 4.0, -1.0],
-        "regions.one.box": [[0.0, 0.0, 0.66], [0.46, 4.0, 1.01]],
-        "regions.two.box": [[0.0, 4.0, 0.66], [0.46, 8.0, 1.01]],
-    },
-}
+LEGS = LISTED["legs"]
 """Changes of the scene `trousers`: with legs of 8 x 2 mm, and of half the points for dynamics."""
 
 LEG_TIME = 13.0 / (0.004 * (0.72 / 1e-3) ** 0.5)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from ..kernels.lists import find_firsts, key_blocks, key_points
 from .body import Body, lengths_of
-from .bonds import ON_LATTICE, SLAB
+from .bonds import ON_LATTICE
 
 
 def vectors_between(body: Body, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -20,15 +21,13 @@ def vectors_between(body: Body, first: np.ndarray, second: np.ndarray) -> np.nda
     return vectors
 
 
-def pair_strength(body: Body) -> np.ndarray:
-    """Return the product w V_i V_j of the weight of every pair and the volumes of its ends."""
-    bonds = body.bonds
-    found = np.empty(len(bonds.first))
-    for part in bonds.slabs():
-        ends = bonds.first[part], bonds.second[part]
-        weights = body.weigh(lengths_of(vectors_between(body, *ends)))
-        found[part] = weights * body.all_volumes[ends[0]] * body.all_volumes[ends[1]]
-    return found
+def pair_strength(body: Body, pairs: np.ndarray | slice) -> np.ndarray:
+    """Return the product w V_i V_j of the weight of each of some `pairs` and the volumes of its
+    ends.
+    """
+    first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    weights = body.weigh(lengths_of(vectors_between(body, first, second)))
+    return weights * body.all_volumes[first] * body.all_volumes[second]
 
 
 def alike(body: Body) -> np.ndarray:
@@ -39,24 +38,10 @@ def alike(body: Body) -> np.ndarray:
     points have the same one happens once in 10^7 bodies.
     """
     bonds = body.bonds
-    pointers = bonds.pointers.astype(np.int64)
-    counts = np.diff(pointers)
-    random = np.random.default_rng(0)
-    most = int(counts.max())
-    odd = 2 * random.integers(2**63, size=most + body.dimension + 2, dtype=np.uint64) + 1
-    by_place, by_value, by_volume = np.split(odd, [most, -1])
-    keys = by_volume * body.volumes.view(np.uint64)
-    step = max(1, SLAB // most)
-    for start in range(0, len(body), step):
-        rows = np.arange(start, min(start + step, len(body)))
-        starts = pointers[start : rows[-1] + 2] - pointers[start]
-        owners = np.repeat(rows, counts[rows])
-        ends = bonds.neighbors[pointers[start] : pointers[rows[-1] + 1]]
-        vectors = vectors_between(body, owners, ends)
-        values = np.column_stack([vectors, body.all_volumes[ends]]).view(np.uint64)
-        values = _mixed(_mixed(values) @ by_value)
-        values *= by_place[np.arange(len(ends)) - np.repeat(starts[:-1], counts[rows])]
-        keys[rows] += np.diff(np.append(np.uint64(0), values.cumsum())[starts])
+    keys = np.empty(len(body), dtype=np.uint64)
+    volumes = body.all_volumes.view(np.uint64)
+    lattice = np.asarray(body.cell), ON_LATTICE
+    key_points(body.all_points, volumes, *lattice, *bonds.pairs_of_points, bonds.ends, keys)
     return _firsts(keys)
 
 
@@ -66,36 +51,19 @@ def alike_blocks(body: Body, alike: np.ndarray, block: int) -> np.ndarray:
     """
     ghosts = body.ghosts
     n = len(alike)
-    every = np.concatenate([alike, n * (1 + ghosts.image.astype(np.int64)) + alike[ghosts.source]])
-    first, second = body.bonds.ends_in_blocks(block)
-    own, others, _ = body.bonds.pairs_of_points
-    # leads from a pair to its place in the list of its first point
-    shift = (np.diff(others) - own[:-1]).astype(np.int64)
-    random = np.random.default_rng(0)
-    odd = 2 * random.integers(2**63, size=block + 3, dtype=np.uint64) + 1
-    keys = np.empty(len(first) // block, dtype=np.uint64)
-    step = SLAB // block
-    for start in range(0, len(keys), step):
-        pairs = np.arange(start * block, min((start + step) * block, len(first)))
-        one = first[pairs]
-        values = np.column_stack([every[one], every[second[pairs]], pairs + shift[one]])
-        values = _mixed(values.astype(np.uint64) @ odd[block:])
-        keys[start : start + step] = values.reshape(-1, block) @ odd[:block]
+    names = np.concatenate([alike, n * (1 + ghosts.image.astype(np.int64)) + alike[ghosts.source]])
+    bonds = body.bonds
+    keys = np.empty(-(-bonds.n_pairs // block), dtype=np.uint64)
+    own, others, _ = bonds.pairs_of_points
+    key_blocks(names.view(np.uint64), own, others, bonds.ends, block, keys)
     return _firsts(keys)
-
-
-def _mixed(values: np.ndarray) -> np.ndarray:
-    """Return values of 64 bits of which each bit depends on many bits of the given ones; a product
-    alone would leave signs, the highest bits, where they are.
-    """
-    values = (values ^ (values >> np.uint64(32))) * np.uint64(0x9E3779B97F4A7C15)
-    return values ^ (values >> np.uint64(29))
 
 
 def _firsts(keys: np.ndarray) -> np.ndarray:
     """Return the index of the first equal key of each."""
-    _, firsts, numbers = np.unique(keys, return_index=True, return_inverse=True)
-    return firsts[numbers]
+    firsts = np.empty(len(keys), dtype=np.int64)
+    find_firsts(keys, np.zeros(2 << len(keys).bit_length(), dtype=np.int64), firsts)
+    return firsts
 
 
 def stored_lists(pointers: np.ndarray, alike: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from itertools import chain, combinations
 import numpy as np
 import scipy
 
+from ..kernels.lists import add_to_ends
 from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..ranks import Halo, Share
 from .bonds import COINCIDING, Bonds, check_apart
@@ -472,12 +473,10 @@ def sums_at_points(
     `values` (k,) or (k, c) belong to k bonds from the points `first` to the points `second`; ends
     from n on are ghosts, which have no sum.
     """
-    if values.ndim == 2:
-        return np.stack(
-            [sums_at_points(n, first, second, column, sign) for column in values.T], axis=1
-        )
-    within = second < n
-    return np.bincount(first, values, n) + sign * np.bincount(second[within], values[within], n)
+    found = np.zeros((n, values[:1].size))
+    ends = (end.astype(np.uint32, copy=False) for end in (first, second))
+    add_to_ends(*ends, values.reshape(len(first), -1).astype(float, copy=False), sign, found)
+    return found.reshape(n, *values.shape[1:])
 
 
 def _check_distance_of_planes(body: Body) -> None:

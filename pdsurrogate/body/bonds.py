@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from ..kernels.lists import list_ends, pairs_on_lattice, sort_numbers
 from .ghosts import WITH_ROUNDING, Ghosts
 
 MOST_BONDS = 500_000_000
@@ -50,20 +51,20 @@ class Bonds:
 
     Attributes
     ----------
-    pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the neighbors of each point begin.
-    neighbors : ndarray of uint32
-        Neighbors of all points; numbers from n on are ghosts.
     ends : ndarray of uint32, shape (2, k)
         Ends of the pairs, filled up with zeros to a multiple k of `PADDED`.
     n_pairs : int
     pairs_of_points : tuple of ndarray
         Pairs of all points and ghosts, see `pairs_of_points`.
-    pair_of : ndarray of uint32
-        Pair of each entry of `neighbors`.
+    pointers : ndarray of uint64, shape (n + 1,)
+        Index at which the neighbors of each point begin.
     cut : ndarray, shape (k, 2)
         Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in
         none of the lists.
+    neighbors : ndarray of uint32
+        Neighbors of all points; numbers from n on are ghosts.
+    pair_of : ndarray of uint32
+        Pair of each entry of `neighbors`.
     n_directed : int
         Number of directed bonds within the body, without ghosts.
     first, second : ndarray of uint32, shape (n_pairs,)
@@ -71,14 +72,11 @@ class Bonds:
         point or an image.
     """
 
-    pointers: np.ndarray
-    neighbors: np.ndarray
     ends: np.ndarray
     n_pairs: int
     pairs_of_points: tuple[np.ndarray, np.ndarray, np.ndarray]
-    pair_of: np.ndarray
+    pointers: np.ndarray
     cut: np.ndarray
-    n_directed: int
 
     @cached_property
     def first(self) -> np.ndarray:
@@ -87,6 +85,29 @@ class Bonds:
     @cached_property
     def second(self) -> np.ndarray:
         return self.ends[1, : self.n_pairs]
+
+    @cached_property
+    def neighbors(self) -> np.ndarray:
+        return self._at_points(*self.ends)
+
+    @cached_property
+    def pair_of(self) -> np.ndarray:
+        pairs = np.arange(self.n_pairs, dtype=np.uint32)
+        return self._at_points(pairs, pairs)
+
+    @property
+    def n_directed(self) -> int:
+        return 2 * int(self.pairs_of_points[1][len(self.pointers) - 1])
+
+    def _at_points(self, backward: np.ndarray, forward: np.ndarray) -> np.ndarray:
+        """Return a value for each directed bond: that of its pair in `forward`, or in `backward`
+        where it begins at the second end.
+        """
+        own, others, incidence = self.pairs_of_points
+        n = len(self.pointers)
+        found = np.empty(int(self.pointers[-1]), dtype=np.uint32)
+        list_ends(own[:n], others[:n], incidence, backward, forward, found)
+        return found
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
         """Return `first` and `second` filled up with zeros to a multiple of `block`, which divides
@@ -146,24 +167,11 @@ class Bonds:
                 f" {spacing:g}"
             )
         ends = np.zeros((2, -(-len(first) // PADDED) * PADDED), dtype=np.uint32)
-        ends[:, : len(first)] = first, second
-        of_points = pairs_of_points(first, second, len(every))
-        own, others, incidence = of_points
-        incidence = incidence[: int(others[n])]
-        # The neighbors of a point are in rising order: first those of pairs in which it is second,
-        # then those in which it is first.
-        counts = np.stack([np.diff(each[: n + 1].astype(np.int64)) for each in (others, own)])
-        forward = np.repeat(np.arange(2 * n) % 2 > 0, counts.ravel("F"))
-        neighbors, pair_of = np.empty((2, len(forward)), dtype=np.uint32)
-        neighbors[forward] = second
-        pair_of[forward] = np.arange(len(first))
-        backward = ~forward
-        neighbors[backward] = first[incidence]
-        pair_of[backward] = incidence
+        ends[0, : len(first)] = first
+        ends[1, : len(first)] = second
+        own, others, incidence = pairs_of_points(first, second, len(every))
         pointers = (own + others)[: n + 1]
-        return cls(
-            pointers, neighbors, ends, len(first), of_points, pair_of, cut, 2 * len(incidence)
-        )
+        return cls(ends, len(first), (own, others, incidence), pointers, cut)
 
 
 def pairs_of_points(
@@ -176,18 +184,18 @@ def pairs_of_points(
     array at which the pairs with each as second end begin; numbers of the pairs ordered by second
     end.
     """
-    own = pointers_to(first, total)
-    # counting, in a sixth of the time of sorting
-    entries = np.arange(len(first), dtype=np.int32), second.astype(np.int32), own.astype(np.int32)
-    by_second = scipy.sparse.csr_array(entries, shape=(total, total)).tocsc()
-    return own, by_second.indptr.astype(np.uint64), by_second.data.astype(np.uint32)
+    others, incidence = np.zeros(total + 1, np.uint64), np.empty(len(second), np.uint32)
+    sort_numbers(second, others, incidence)
+    return pointers_to(first, total), others, incidence
 
 
 def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
     """Return row pointers, shape (count + 1,): where the entries of each number from 0 to count
-    - 1 begin in the sorted `numbers`.
+    - 1 begin in the sorted `numbers`, which others may follow.
     """
-    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
+    pointers = np.zeros(count + 1, dtype=np.uint64)
+    sort_numbers(numbers.astype(np.uint32, copy=False), pointers, np.empty(0, dtype=np.uint32))
+    return pointers
 
 
 def _with_partners(
@@ -265,16 +273,8 @@ def _pairs_on_lattice(
     ways = np.stack(np.meshgrid(*(np.arange(-m, m + 1) for m in margin)), axis=-1)
     ways = ways.reshape(-1, len(margin))
     ways = np.sort(ways[np.linalg.norm(ways * cell, axis=1) <= reach] @ strides)
-    found = []
-    for start in range(0, count, max(1, SLAB // len(ways))):
-        of_slab = np.arange(start, min(start + max(1, SLAB // len(ways)), count))
-        ends = table[at[of_slab, None] + ways]
-        later = ends > of_slab[:, None]
-        one = np.repeat(of_slab, np.count_nonzero(later, axis=1))
-        other = ends[later]
-        keys = one * len(points) + other
-        if (keys[1:] < keys[:-1]).any():
-            one, other = np.divmod(np.sort(keys), len(points))
-        found.append((one.astype(np.uint32), other.astype(np.uint32)))
-    first, second = (np.concatenate(ends) for ends in zip(*found, strict=True))
+    lattice = table, at[:count], ways
+    nothing = np.empty(0, dtype=np.uint32)
+    first, second = np.empty((2, pairs_on_lattice(*lattice, nothing, nothing)), dtype=np.uint32)
+    pairs_on_lattice(*lattice, first, second)
     return first, second

@@ -80,11 +80,14 @@ class CellMesh:
         counts = place.max(axis=0) - lowest + 2
         offsets = np.ravel_multi_index(tuple(CORNERS[len(cell)].T), tuple(counts))
         number = np.ravel_multi_index(tuple((place - lowest).T), tuple(counts))[:, None] + offsets
-        used, corners = np.unique(number, return_inverse=True)
+        found = np.zeros(counts.prod(), dtype=bool)
+        found[number] = True
+        used = np.flatnonzero(found)
+        corners = (found.cumsum(dtype=np.int32) - 1)[number]
         nodes = (
             middle + (np.stack(np.unravel_index(used, tuple(counts)), axis=1) + lowest - 0.5) * cell
         )
-        return cls(nodes, (corners.reshape(number.shape).astype(np.int32),))
+        return cls(nodes, (corners,))
 
     @classmethod
     def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:

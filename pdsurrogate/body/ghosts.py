@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -230,41 +231,49 @@ class Ghosts:
         dimension than the points.
         """
         n, dimension = points.shape
-        each = np.zeros((n, len(planes), dimension))
+        reach = horizon * WITH_ROUNDING
+        # The others have no images: an image of an image is one of a point that has another, too.
+        close = np.zeros(n, dtype=bool)
+        for plane in planes:
+            if len(plane.parity) != dimension:
+                raise ValueError(
+                    f"the parity of a plane must have {dimension} components, not {plane.parity}"
+                )
+            depth = plane.mirrored(points)[1]
+            if isinstance(plane, ReflectionPlane) and depth.min() < 0:
+                raise ValueError(
+                    f"points lie beyond the reflection plane x{plane.axis + 1} = {plane.position:g}"
+                )
+            close |= depth <= reach
+        rows = np.flatnonzero(close)
+        k = len(rows)
+        each = np.zeros((k, len(planes), dimension))
         made = {
-            "source": np.arange(n),
-            "parent": np.arange(n),
-            "plane": np.full(n, -1),
-            "image": np.zeros(n, dtype=np.int64),
-            "points": points,
-            "unfolded": points,
-            "parity": np.ones((n, dimension)),
-            "reflection": np.ones((n, dimension)),
-            "normal": np.zeros((n, dimension)),
-            "volume_ratio": np.ones(n),
+            "source": rows,
+            "parent": rows,
+            "plane": np.full(k, -1),
+            "image": np.zeros(k, dtype=np.int64),
+            "points": points[rows],
+            "unfolded": points[rows],
+            "parity": np.ones((k, dimension)),
+            "reflection": np.ones((k, dimension)),
+            "normal": np.zeros((k, dimension)),
+            "volume_ratio": np.ones(k),
             "lever": each,
             "feet": each,
         }
         # of the plane of each image; -1 for the points
         axes = np.array([*(plane.axis for plane in planes), -1])
         for added, plane in enumerate(planes):
-            if len(plane.parity) != dimension:
-                raise ValueError(
-                    f"the parity of a plane must have {dimension} components, not {plane.parity}"
-                )
             flat = isinstance(plane, ReflectionPlane)
             places = made["points"]
             nearest, inward = plane.mirrored(places)
-            if flat and inward[:n].min() < 0:
-                raise ValueError(
-                    f"points lie beyond the reflection plane x{plane.axis + 1} = {plane.position:g}"
-                )
             # Images of images in two parallel planes are farther away than a horizon, as the body
             # is at least that long. The centroid of a cell at a reentrant corner may lie outside a
             # boundary.
             beyond = made["plane"]
             able = axes[beyond] != plane.axis if flat else (beyond < 0) & (inward > 0)
-            near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & able)
+            near = np.flatnonzero((inward <= reach) & able)
             ratios = np.ones(len(near)) if flat else plane.ratios(places[near])
             near = near[ratios > 0]
             ratios = ratios[ratios > 0]
@@ -285,7 +294,7 @@ class Ghosts:
                 # moves as the image does if the point rests
                 feet = (2 * feet - (1 + own) * places[near]) / (1 - own)
                 images["lever"] *= own[:, None]
-            images["parent"] = near
+            images["parent"] = np.append(rows, np.arange(n, n + len(places) - k))[near]
             images["plane"] = np.full(len(near), added)
             images["image"] += 2**added
             images["parity"] *= own
@@ -293,7 +302,7 @@ class Ghosts:
             images["lever"][:, added] += 1 - own
             images["feet"][:, added] = feet
             made = {name: np.concatenate([made[name], values]) for name, values in images.items()}
-        found = {name: np.ascontiguousarray(values[n:]) for name, values in made.items()}
+        found = {name: values[k:].copy() for name, values in made.items()}
         found["source"] = found["source"].astype(np.uint32)
         found |= {"gradient_parity": found["parity"], "gradient_reflection": found["reflection"]}
         return cls(**found, planes=planes, share=share).continued(None)
@@ -377,10 +386,12 @@ class Ghosts:
     def moved_by_planes(
         self, displacements: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the displacements (m, d) of the ghosts due to the planes alone, while the
+        """Return the displacements (..., m, d) of the ghosts due to the planes alone, while the
         body's points do not move; see `shifts`.
         """
-        moved = np.einsum("mpd,pd->md", self.lever, displacements)
+        moved = np.zeros(displacements.shape[:-2] + self.points.shape)
+        for plane in range(self.lever.shape[1]):
+            moved += self.lever[:, plane] * displacements[..., None, plane, :]
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self.feet)
         return moved
@@ -429,24 +440,36 @@ class Ghosts:
         forces = forces.copy()
         moments = moments.copy()
         levers = np.zeros((len(self.planes), dimension, dimension))
+        for number, own, above, parity, rows, columns in self._mirrored_last_first:
+            pulls = forces[own]
+            levers[number] += np.einsum("gr,gc->rc", parity * pulls, positions[above])
+            levers[number] -= np.einsum("gr,gc->rc", pulls, positions[n + own])
+            turned, continued = (
+                np.einsum("grb,gcb->rc", moments[own], one)
+                for one in (gradients[n + own], gradients[above] @ columns)
+            )
+            levers[number] += turned - rows[:, None] * continued
+            again = np.flatnonzero(above >= n)
+            if len(again):
+                np.add.at(forces, above[again] - n, (parity * forces[own])[again])
+                passed = rows[:, None] * (moments[own[again]] @ columns[again])
+                np.add.at(moments, above[again] - n, passed)
+        return levers
+
+    @cached_property
+    def _mirrored_last_first(self) -> list[tuple]:
+        """Of every plane, from the last to the first: its number and those of its images, what
+        these mirror, their parities, and what continues their gradients.
+        """
+        found = []
         for number in reversed(range(len(self.planes))):
             own = np.flatnonzero(self.plane == number)
-            above = self.parent[own]
             plane = self.planes[number]
             curved = isinstance(plane, HeldBoundary)
             parity = self.parity[own] if curved else np.array(plane.parity, float)[None]
-            arms = positions[n + own][:, None] - parity[:, :, None] * positions[above][:, None]
-            levers[number] -= np.einsum("gr,grc->rc", forces[own], arms)
-            rows, columns, _, _ = self._continuation(plane, self.share_along, own)
-            continued = rows[:, None, None] * (gradients[above] @ columns)[:, None]
-            turned = gradients[n + own][:, None] - continued
-            levers[number] += np.einsum("grb,grcb->rc", moments[own], turned)
-            again = above >= n
-            np.add.at(forces, above[again] - n, (parity * forces[own])[again])
-            np.add.at(
-                moments, above[again] - n, rows[:, None] * (moments[own[again]] @ columns[again])
-            )
-        return levers
+            continued = self._continuation(plane, self.share_along, own)[:2]
+            found.append((number, own, self.parent[own], parity, *continued))
+        return found
 
     @property
     def of_gradients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

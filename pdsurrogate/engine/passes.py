@@ -59,8 +59,9 @@ def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
 
 
 @parallel_kernel
-def _run_on_threads(calls, following, counts, found):
-    """Run passes one after another, the chunks of each pass in parallel on threads.
+def _run_on_threads(calls, following, counts, found, times):
+    """Run passes one after another, the chunks of each pass in parallel on threads; again and again
+    as `_run_here` does.
 
     A row of `calls` holds the addresses of the code and of the arguments of a pass, and its number
     of chunks. Each thread has the same share of the chunks in every pass, so that its data stay in
@@ -69,40 +70,53 @@ def _run_on_threads(calls, following, counts, found):
     are working memory; `found` receives the count that each pass returns.
     """
     threads = following.shape[0]
-    for number in range(calls.shape[0]):
-        code = calls[number, 0]
-        arguments = calls[number, 1]
-        chunks = calls[number, 2]
-        for owner in range(threads):
-            following[owner, 0] = owner * chunks // threads
-        for thread in prange(threads):
-            count = 0
-            for step in range(threads):
-                owner = (thread + step) % threads
-                end = (owner + 1) * chunks // threads
-                chunk = add_to(following[owner], 0, 1)
-                while chunk < end:
-                    count += _call_chunk(code, arguments, thread, chunk, chunks)
+    done = 0
+    while done < max(times, 1):
+        for number in range(calls.shape[0]):
+            code = calls[number, 0]
+            arguments = calls[number, 1]
+            chunks = calls[number, 2]
+            for owner in range(threads):
+                following[owner, 0] = owner * chunks // threads
+            for thread in prange(threads):
+                count = 0
+                for step in range(threads):
+                    owner = (thread + step) % threads
+                    end = (owner + 1) * chunks // threads
                     chunk = add_to(following[owner], 0, 1)
-            counts[number, thread] = count
-        found[number] = 0
-        for thread in range(threads):
-            found[number] += counts[number, thread]
+                    while chunk < end:
+                        count += _call_chunk(code, arguments, thread, chunk, chunks)
+                        chunk = add_to(following[owner], 0, 1)
+                counts[number, thread] = count
+            found[number] = 0
+            for thread in range(threads):
+                found[number] += counts[number, thread]
+            if times > 0 and found[number] != 0:
+                return done
+        done += 1
+    return done
 
 
 @kernel
-def _run_here(calls, found):
-    """Run passes one after another, chunk by chunk, on the calling thread.
+def _run_here(calls, found, times):
+    """Run passes one after another, chunk by chunk, on the calling thread; once if `times` is 0,
+    else so many times, or until a pass returns a count. Return how many times all passes have run.
 
     A row of `calls` holds the addresses of the code and of the arguments of a pass, and its number
     of chunks; `found` receives the count that each pass returns.
     """
-    for number in range(calls.shape[0]):
-        found[number] = 0
-        for chunk in range(calls[number, 2]):
-            found[number] += _call_chunk(
-                calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2]
-            )
+    done = 0
+    while done < max(times, 1):
+        for number in range(calls.shape[0]):
+            found[number] = 0
+            for chunk in range(calls[number, 2]):
+                found[number] += _call_chunk(
+                    calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2]
+                )
+            if times > 0 and found[number] != 0:
+                return done
+        done += 1
+    return done
 
 
 Kind: TypeAlias = "type | tuple"
@@ -276,11 +290,11 @@ class BoundPass:
                 f"{what.__name__} takes {len(what.names)} arguments, not {len(arguments)}"
             )
         self._pass = what
-        self.arguments = dict(zip(what.names, arguments, strict=True))
+        self._kept = dict(zip(what.names, arguments, strict=True))
         self._places = {}
         kinds = []
         words = []
-        for name, value in self.arguments.items():
+        for name, value in self._kept.items():
             self._places[name] = len(words)
             kind, of_value = _described(f"{what.__name__}: {name}", value)
             kinds.append(kind)
@@ -292,16 +306,11 @@ class BoundPass:
     def __call__(self) -> int:
         return Chain(self)()[0]
 
-    def bound_to(self, **others) -> BoundPass:
-        """Return the pass bound to the same arguments but some others."""
-        chunks = Chunks(self.threads, self.call[2])
-        return self._pass.bind(*(self.arguments | others).values(), chunks=chunks)
-
     def give(self, name: str, array: np.ndarray) -> None:
         """Replace the argument `name` of the bound pass by another array of the same type and
         shape; raise TypeError for others.
         """
-        before = self.arguments[name]
+        before = self._kept[name]
         if array is before:
             return
         if (
@@ -313,14 +322,14 @@ class BoundPass:
                 f"{self._pass.__name__}: {name} must be an array in C order with the type and shape"
                 " of the one it replaces"
             )
-        self.arguments[name] = array
+        self._kept[name] = array
         self._words[self._places[name]] = _address(array)
 
     def give_number(self, name: str, number: float) -> None:
         """Replace the argument `name` of the bound pass, a floating-point number, by another
         one.
         """
-        self.arguments[name] = number
+        self._kept[name] = number
         (self._words[self._places[name]],) = _described(name, float(number))[1]
 
 
@@ -333,7 +342,7 @@ class Chain:
     """
 
     def __init__(self, *passes: BoundPass) -> None:
-        self._passes = passes  # they keep code and arrays alive
+        self.passes = passes  # they keep code and arrays alive
         (threads,) = {bound.threads for bound in passes}
         self._calls = np.array([bound.call for bound in passes], dtype=np.int64)
         # the counter of each thread has a cache line
@@ -342,11 +351,16 @@ class Chain:
         self._found = np.zeros(len(passes), dtype=np.int64)
 
     def __call__(self) -> list[int]:
-        if len(self._following) == 1 or threads_are_lost():
-            _run_here(self._calls, self._found)
-        else:
-            _run_on_threads(self._calls, self._following, self._counts, self._found)
+        self.repeat(0)
         return self._found.tolist()
+
+    def repeat(self, times: int) -> int:
+        """Run the passes so many times in a single call, which ends with the first pass that
+        returns a count; return how many times all of them have run.
+        """
+        if len(self._following) == 1 or threads_are_lost():
+            return _run_here(self._calls, self._found, times)
+        return _run_on_threads(self._calls, self._following, self._counts, self._found, times)
 
 
 def _address(array: np.ndarray) -> int:

@@ -183,7 +183,7 @@ def _sees(body: Body, planes: list[bool]) -> np.ndarray:
     """
     images = np.array([*planes, False])[body.ghosts.plane]
     found = np.zeros(len(body), dtype=bool)
-    found[body.bond_owners[np.concatenate([found, images])[body.bonds.neighbors]]] = True
+    found[body.bonds.first[np.concatenate([found, images])[body.bonds.second]]] = True
     return found
 
 

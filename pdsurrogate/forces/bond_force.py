@@ -19,7 +19,7 @@ from .binding import Binding, MaterialPart
 from .compiled_force import CompiledBondForce
 from .domain import Domain
 from .errors import at_point
-from .material_points import pair_sums
+from .material_points import material_sums
 from .pair_balance import balanced_changes
 from .pair_forces import PairForces
 from .protocol import ForceModel
@@ -44,12 +44,12 @@ class BondForces(MaterialTerm):
         self.correction = binding.settings.correction or (
             "tensor" if all(model.gives_transverse for model in models) else "scalar"
         )
-        self._strength = pair_strength(body)
+        # The halves of their forces that pairs have lost: both if broken, one across an interface.
+        self._lost_halves = np.zeros(len(bonds.first), dtype=np.uint8)
         self.parts = []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
-            shares = np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
-            self._strength *= shares
+            self._lost_halves[of_ends[0] != of_ends[1]] = 1
         for number, model in enumerate(models):
             points = self.points_of(
                 number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0))
@@ -60,12 +60,14 @@ class BondForces(MaterialTerm):
         self._changes = (np.empty(0, dtype=np.int64), np.empty((0, 2)))
         self._lost = np.zeros((len(body.all_points), 2, 2))
         if self.correction == "tensor" and body.outward is not None:
-            vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
-            for part in self.parts:
-                of_body = vectors[part.points.pairs]
-                vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
+            vectors = self.parts[0].reference_vectors()[: len(bonds.first)]
+            if not binding.whole:
+                vectors = np.zeros((len(bonds.first), 2), dtype=binding.precision)
+                for part in self.parts:
+                    of_body = vectors[part.points.pairs]
+                    vectors[part.points.pairs] = of_body + part.reference_vectors()[: len(of_body)]
             pairs, changes = balanced_changes(body, vectors)
-            self._changes = pairs, changes if binding.whole else changes * shares[pairs, None]
+            self._changes = pairs, changes * (1 - self._lost_halves[pairs, None] / 2)
             for part in self.parts:
                 part.separate(part.points.places_of_pairs(pairs)[0])
             self._change(pairs)
@@ -77,7 +79,7 @@ class BondForces(MaterialTerm):
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
         out = np.empty_like(body.points)
-        sums = pair_sums(self.kinematics, self.parts, out)
+        sums = material_sums(self.kinematics, self.parts, "forces", out)
         self.in_units = list(enumerate(sums[: len(models)]))
         self.bind_steps(*(part.find for part in self.parts), *sums)
 
@@ -110,6 +112,12 @@ class BondForces(MaterialTerm):
         )
         return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
 
+    def _strength(self, pairs: np.ndarray) -> np.ndarray:
+        """Return `pair_strength` of some `pairs`, times the halves of their forces that they
+        have.
+        """
+        return pair_strength(self.body, pairs) * (1 - self._lost_halves[pairs] / 2)
+
     def _change(self, pairs: np.ndarray) -> None:
         """Add the changes that balance the body to the reference vectors of some `pairs`, in
         ascending order, as computed without them.
@@ -124,7 +132,7 @@ class BondForces(MaterialTerm):
             vectors = body.all_points[ends[1]] - body.all_points[ends[0]]
             for end in ends:
                 restored = self._lost[end] @ symmetric(self.kinematics.inverse_shape[end])
-                changes += (self._strength[pairs] / body.all_volumes[end])[:, None] * np.einsum(
+                changes += (self._strength(pairs) / body.all_volumes[end])[:, None] * np.einsum(
                     "bij,bj->bi", restored, vectors
                 )
         for part in self.parts:
@@ -132,7 +140,7 @@ class BondForces(MaterialTerm):
             part.add(places, changes[chosen])
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
-        self._strength[pairs] = 0.0
+        self._lost_halves[pairs] = 2
         body = self.body
         bonds = body.bonds
         numbers, changes = self._changes
@@ -153,11 +161,7 @@ class BondForces(MaterialTerm):
         self._change(changed)
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
-        found = np.zeros((len(pairs), 2))
-        for part in self.parts:
-            places, chosen = part.points.places_of_pairs(pairs)
-            found[chosen] += part.unit * part.forces[places].astype(float)
-        return found
+        return self._of_pairs("forces", pairs)
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:

@@ -48,7 +48,7 @@ class BondShares:
         bonds = self._body.bonds
         n = len(body)
         total = len(body.all_points)
-        self.strength = pair_strength(body)
+        self.strength = np.concatenate([pair_strength(body, part) for part in bonds.slabs()])
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]

@@ -75,6 +75,8 @@ class Kinematics:
         that interfaces omit, and those of `balance`.
     balance : BalancedWeights or None
         Changes of weights that balance the body, see `change_weights`.
+    shifts : ndarray, shape (m, d)
+        Shifts of the ghosts by the reflection planes.
     plane_motions : ndarray, shape (planes, d, d + 1)
         Motions of the reflection planes, see `move_planes`.
     changes : int
@@ -119,11 +121,11 @@ class Kinematics:
         self._turned = False
         ghosts = body.ghosts
         self._unmoved = ghosts.shifts(body.points, self.plane_motions[:, :, -1])
-        self._shifts = self._unmoved.copy()
+        self.shifts = self._unmoved.copy()
         self.gradient_ghosts = (
             ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         )
-        images = ghosts.source, ghosts.parity, self._shifts
+        images = ghosts.source, ghosts.parity, self.shifts
         self._place = self.bind(
             place_points, np.ascontiguousarray(body.points), *images, self.positions
         )
@@ -336,8 +338,14 @@ class Kinematics:
             self._turned = True
             self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(turns)
         self.plane_motions[:] = motions
-        moved = motions[:, :, -1], turns if self._turned else None
-        np.add(self._unmoved, self.body.ghosts.moved_by_planes(*moved), out=self._shifts)
+        self.shifts[:] = self.shifts_at(motions)
+
+    def shifts_at(self, motions: np.ndarray) -> np.ndarray:
+        """Return the shifts of the ghosts (..., m, d) for motions (..., planes, d, d + 1) of the
+        planes.
+        """
+        turns = motions[..., :-1] if self._turned else None
+        return self._unmoved + self.body.ghosts.moved_by_planes(motions[..., -1], turns)
 
     def steps(self) -> list[Step]:
         """Return the steps that place points and ghosts at the positions last taken and compute

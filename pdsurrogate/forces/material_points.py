@@ -13,7 +13,7 @@ from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import node_state
 from ..kernels.material_copies import copy_values, gather_rows, see_points
-from ..kernels.sums import sum_pair_forces
+from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law
 from .errors import at_point, why_invalid
 from .kinematics import Kinematics, matrices
@@ -172,11 +172,15 @@ class MaterialPoints:
         """Numbers in the body of the pairs whose constants are stored, and their places in the rows
         of `rows`, one row after the other.
         """
-        pairs = np.arange(len(self._kinematics.body.bonds.first))[self.pairs]
-        _, blocks = np.unique(self.rows, return_index=True)
+        # Rows are numbered in the order in which blocks first have them.
+        blocks = np.flatnonzero(
+            np.diff(np.maximum.accumulate(self.rows.astype(np.int32)), prepend=-1)
+        )
         places = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-        within = np.flatnonzero(places < len(pairs))
-        return pairs[places[within]], within
+        count = self._kinematics.body.bonds.n_pairs if self.whole else len(self.pairs)
+        within = np.flatnonzero(places < count)
+        places = places[within]
+        return places if self.whole else self.pairs[places], within
 
     def pairs_of_points(self) -> tuple[np.ndarray, ...]:
         """Return the pairs of each point of this object, see `pdsurrogate.body.bonds`."""
@@ -311,17 +315,25 @@ def rows_of_each(
     return np.split(rows, ends[:-1]), [gather]
 
 
-def pair_sums(kinematics: Kinematics, parts: Sequence, out: np.ndarray) -> list[BoundPass]:
-    """Return the passes that sum the forces of pairs at the points of a body, see `rows_of_each`.
+def material_sums(
+    kinematics: Kinematics,
+    parts: Sequence,
+    quantity: str,
+    out: np.ndarray,
+    theirs=None,
+) -> list[BoundPass]:
+    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body, see
+    `rows_of_each`.
 
     `parts` hold the pairs of each material in units of ``part.unit``. The first passes are one for
     each material, in order.
     """
-    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out)
+    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
+    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
     passes = [
         kinematics.bind(
-            sum_pair_forces[kinematics.body.dimension],
-            part.forces,
+            add_up[kinematics.body.dimension],
+            getattr(part, quantity),
             *part.points.pairs_of_points(),
             float(part.unit),
             own_rows,

@@ -10,7 +10,7 @@ from ..body.body import lengths_of
 from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
-from ..kernels.ghosts import fold_vectors
+from ..kernels.ghosts import fill_matrices, fold_vectors
 from ..materials import PLANES
 from .balanced import balanced_changes
 from .binding import Binding
@@ -58,6 +58,12 @@ class PointStress(MaterialTerm):
             )
             passes.append(kinematics.bind(nosb.weighted_stresses[d], *state, *law, stresses))
         self.in_units = list(enumerate(passes))
+        ghosts = body.ghosts
+        if len(ghosts):
+            # Those with which forces are minus the derivative of the energy of the points: stresses
+            # at the gradients of images would make clamps a source of energy.
+            continued = *ghosts.of_gradients, 0.0, np.zeros((len(ghosts), d * d))
+            gather = [*gather, kinematics.bind(fill_matrices, self._stresses, *continued)]
         self._pulls = None
         pulls = np.zeros((0, d))
         pull = []
@@ -67,10 +73,9 @@ class PointStress(MaterialTerm):
             levers = self._levers(numbers, vectors)
             self._pulls = ChangedWeights(body, kinematics.chunks, numbers, levers)
             pulls = np.zeros((len(body.all_points), d))
-            images = body.ghosts.source, body.ghosts.parity
             pull = [
                 *self._pulls.pull_steps(self._stresses, pulls, add=False),
-                *([kinematics.bind(fold_vectors, pulls, *images)] if len(body.ghosts) else []),
+                kinematics.bind(fold_vectors, pulls, ghosts.source, ghosts.parity),
             ]
         sums = (
             self._stresses,

@@ -8,7 +8,8 @@ import numpy as np
 import scipy
 
 from ..body import Body, rows_of
-from ..body.body import sums_at_points
+from ..body.body import lengths_of
+from ..kernels.lists import add_to_ends
 from ..ranks import Rows
 from .balanced import beside, ends_of_unknown, sees_clamps
 from .fourth_order import conjugate_gradients
@@ -44,13 +45,18 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     n = len(body)
     d = body.dimension
     sources = np.concatenate([np.arange(n), body.ghosts.source.astype(np.int64)])
-    left = -body.outward - sums_at_points(n, bonds.first, bonds.second, vectors, -1)
-    size = np.linalg.norm(vectors, axis=1)
+    left = np.zeros((n, d))
+    longest = 0.0
+    for part in bonds.slabs():
+        of_part = vectors[part].astype(float)
+        add_to_ends(bonds.first[part], bonds.second[part], of_part, -1, left)
+        longest = max(longest, float(lengths_of(of_part).max()))
+    left = -body.outward - left
     rounding = (
         float(np.finfo(vectors.dtype).eps)
         + share.greatest(float(np.spacing(np.abs(body.points).max(initial=0.0)))) / body.spacing
     )
-    rounding *= ABOVE_ROUNDING * share.greatest(float(size.max(initial=0.0)))
+    rounding *= ABOVE_ROUNDING * share.greatest(longest)
     uneven = np.abs(left).max(axis=1) > rounding
     # In corners of clamps and free sides no state is homogeneous. A pair depends on the gradients
     # of both ends, so that the force on a point depends on images beyond a clamp if one of its
@@ -60,32 +66,31 @@ def balanced_changes(body: Body, vectors: np.ndarray) -> tuple[np.ndarray, np.nd
     ) | ends_of_unknown(body)
     uneven |= unknown
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
-    curved = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])[bonds.second]
+    curved = np.concatenate([np.zeros(n, dtype=bool), curved[body.ghosts.plane]])
     free = uneven & ~unknown
-    free[bonds.first[curved]] = False
+    free[bonds.first[curved[bonds.second]]] = False
     share.fill(left, uneven, free)
 
-    pairs = np.flatnonzero(
-        uneven[bonds.first] & uneven[sources[bonds.second]] & (size > 0) & ~curved
-    )
-    first = bonds.first[pairs].astype(np.int64)
+    pairs = np.flatnonzero(uneven[bonds.first])
     second = bonds.second[pairs]
+    size = np.linalg.norm(vectors[pairs], axis=1)
+    kept = uneven[sources[second]] & (size > 0) & ~curved[second]
+    pairs, second, size = pairs[kept], second[kept], size[kept]
+    first = bonds.first[pairs].astype(np.int64)
     signs = np.vstack([np.ones((n, d)), body.ghosts.reflection])[second]
     vectors = body.all_points[bonds.second[pairs]] - body.all_points[first]
     mirrored = (
         np.abs(body.all_points[second] - body.all_points[sources[second]])
         > SAME_PLACE * body.spacing
     )
-    rows = rows_of(body, "pairs")
-    numbers = rows.numbers[pairs]
-    own = rows.own[pairs]
+    numbers, own = pairs, np.ones(len(pairs), dtype=bool)
+    if share.divided:
+        rows = rows_of(body, "pairs")
+        numbers, own = rows.numbers[pairs], rows.own[pairs]
     of_all = np.sort(np.concatenate(share.everywhere(numbers[own])))
     rows = Rows(share.ranks, np.searchsorted(of_all, numbers), own, len(of_all))
     ends = share.numbers[first], share.numbers[sources[second]]
-    whole = [
-        rows.gather(values)
-        for values in (*ends, second >= n, signs, size[pairs], vectors, mirrored)
-    ]
+    whole = [rows.gather(values) for values in (*ends, second >= n, signs, size, vectors, mirrored)]
     loads = share.gather(left)
     free = share.gather(free)
     changes = np.empty((0, d))

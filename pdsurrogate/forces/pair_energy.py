@@ -14,6 +14,7 @@ from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
+from ..kernels.steps import copy_rows
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .balanced import balanced_changes
@@ -21,17 +22,18 @@ from .binding import Binding, MaterialPart
 from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
-from .material_points import rows_of_each
+from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs, bond_gradients
 from .steps import Steps
-from .term import MaterialTerm, OutsideCounter, whole_volume
+from .term import OutsideCounter, Passes, whole_volume
 from .volume_energy import VolumeEnergy
+from .work_on_planes import WorkOnPlanes
 
 if TYPE_CHECKING:
     from .pair_memory import PairMemory
 
 
-class PairEnergy(MaterialTerm):
+class PairEnergy(WorkOnPlanes):
     """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's
     deformation gradient F_ij.
 
@@ -91,7 +93,8 @@ class PairEnergy(MaterialTerm):
             self.volume = VolumeEnergy(binding, self.shares, self.parts, all_volumes)
         else:
             self.parts = [PairEnergies(*one) for one in each]
-        self._energy = 0.0
+        # of the last evaluation; None where passes have made it
+        self._energy: float | None = 0.0
         self.memories = [
             self._memory_of(number)
             for number, points in enumerate(self.materials)
@@ -106,21 +109,23 @@ class PairEnergy(MaterialTerm):
         seen = [None, None]
         if not whole:
             seen = [np.zeros_like(array) for array in (self._on_points, self._stresses)]
-        (forces, of_forces), (moments, of_moments) = (
-            rows_of_each(self.kinematics, self.materials, *arrays)
-            for arrays in zip((self._on_points, self._stresses), seen, strict=True)
+        shares = self.shares
+        forces, moments = (
+            material_sums(self.kinematics, self.parts, quantity, *arrays)
+            for quantity, *arrays in (
+                ("forces", self._on_points, seen[0]),
+                ("moments", self._stresses, seen[1]),
+            )
         )
-        sums = [part.sum_to(*rows) for part, *rows in zip(self.parts, moments, forces, strict=True)]
-        self.in_units = list(enumerate(sums))
+        self.in_units = [*enumerate(forces[: len(models)]), *enumerate(moments[: len(models)])]
         further = []
         if not whole:
             own = self._stresses[: len(body)]
             further = self.kinematics.interfaces.steps_back(*seen, own, self._on_jumps)
         to_points = [
-            *sums,
-            *of_forces,
-            *of_moments,
-            *self.shares.steps_to_points(
+            *moments,
+            *forces,
+            *shares.steps_to_points(
                 self._stresses, self._on_points, self._moments_of_ghosts, *further
             ),
         ]
@@ -170,6 +175,16 @@ class PairEnergy(MaterialTerm):
         if without_force:
             raise InvalidState(self.diagnose(out))
 
+    def passes(self, out: np.ndarray) -> Passes | None:
+        steps = self._find_all.passes
+        if steps is None or self.memories or self._on_jumps is not None or self._model.domain:
+            return None
+        bind = self.kinematics.bind
+        checks = [one for part in self.parts for one in part.checks(bind)]
+        copy = bind(copy_rows, self._on_points, out)
+        self._energy = None
+        return Passes((*steps, *checks, copy), self._sum_on_planes)
+
     def pass_bonds(self, out: np.ndarray) -> None:
         self._run(self._find_forces, out)
 
@@ -189,7 +204,7 @@ class PairEnergy(MaterialTerm):
         if self.volume is not None and self.body.share.any(invalid):
             return [0] * len(self.parts), invalid, 0
         if not any(inside_out):
-            self._energy = sum(part.unit * part.energy() for part in self.parts)
+            self._energy = self._sum()
         out[:] = self._on_points[: len(out)]
         if self._on_jumps is not None:
             out += self._on_jumps
@@ -228,11 +243,14 @@ class PairEnergy(MaterialTerm):
                 step()
 
     def energy(self) -> float:
-        return self._energy
+        return self._sum() if self._energy is None else self._energy
+
+    def _sum(self) -> float:
+        return sum(part.unit * part.energy() for part in self.parts)
 
     def stored(self) -> float:
         if not self.memories or np.isnan(self._energy):
-            return self._energy
+            return self.energy()
         return sum(part.unit * part.stored() for part in self.parts)
 
     def dissipated(self) -> dict[str, float]:
@@ -261,9 +279,9 @@ class PairEnergy(MaterialTerm):
             ends.
             """
             vectors = body.all_points[bonds.second[chosen]] - body.all_points[bonds.first[chosen]]
-            return self._of_pairs(chosen)[1] + self.shares.strength[chosen, None] * np.einsum(
-                "bij,bj->bi", stresses[bonds.first[chosen]], vectors
-            )
+            return self._of_pairs("forces", chosen) + self.shares.strength[
+                chosen, None
+            ] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
 
         forces = of_firsts(pairs)
         within = np.flatnonzero(second < n)
@@ -279,18 +297,6 @@ class PairEnergy(MaterialTerm):
         changed = self._from_one_side()
         return forces if changed is None else forces + changed[pairs]
 
-    def _of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the moments (k, d d) and forces (k, d) of given pairs, summed over the materials,
-        in the state last evaluated.
-        """
-        self._see()
-        d = self.body.dimension
-        found = np.zeros((len(pairs), d * d + d))
-        for part in self.parts:
-            places, chosen = part.points.places_of_pairs(pairs)
-            found[chosen] += part.each(places)
-        return found[:, : d * d], found[:, d * d :]
-
     def _from_one_side(self) -> np.ndarray | None:
         """Return corrections of the forces of all pairs where bonds are omitted from gradients
         or have changed weights; None if none do.
@@ -303,27 +309,6 @@ class PairEnergy(MaterialTerm):
             numbers, owners, self.shares.pulls(self._stresses, owners, changes)
         )
 
-    def forces_of_planes(self) -> np.ndarray:
-        """Return the forces of the planes by virtual work: a plane moves its ghosts."""
-        return -np.einsum("gpc,gc->pc", self.body.ghosts.lever, self._on_ghosts())
-
-    def levers_on_planes(self) -> np.ndarray:
-        kinematics = self.kinematics
-        moments = self._counted(self._moments_of_ghosts)
-        places = kinematics.positions, matrices(kinematics.gradients)
-        return kinematics.gradient_ghosts.levers_on_planes(
-            *places, self._on_ghosts(), matrices(moments)
-        )
-
-    def _on_ghosts(self) -> np.ndarray:
-        """Return the forces on the ghosts, (m, d), that this rank counts."""
-        return self._counted(self._on_points[len(self.body) :])
-
-    def _counted(self, on_ghosts: np.ndarray) -> np.ndarray:
-        """Return values of ghosts, 0 where another rank owns the point that the ghost mirrors."""
-        share = self.body.share
-        return on_ghosts * share.own[self.body.ghosts.source, None] if share.divided else on_ghosts
-
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the
         derivative of the energy by a homogeneous F.
@@ -335,9 +320,9 @@ class PairEnergy(MaterialTerm):
         for part in bonds.slabs():
             pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
             vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-            moments, forces = self._of_pairs(pairs)
+            found += self._of_pairs("forces", pairs).T @ vectors
             # P (I - n (x) n) is twice the moment.
-            found += forces.T @ vectors + 2 * moments.sum(axis=0).reshape(d, d).T
+            found += 2 * self._of_pairs("moments", pairs).sum(axis=0).reshape(d, d).T
         return found / whole_volume(self.body)
 
     def released_by(self, motion: np.ndarray) -> float | None:
@@ -365,10 +350,10 @@ class PairEnergy(MaterialTerm):
         F = self._gradients(pairs)
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
         turned = F @ (ahead - F)
-        moments, forces = self._of_pairs(pairs)
-        along = np.einsum("bi,bij,bj->", forces, turned, vectors)
+        along = np.einsum("bi,bij,bj->", self._of_pairs("forces", pairs), turned, vectors)
         # P (I - n (x) n) is twice the moment
-        across = 2 * np.einsum("bji,bij->", moments.reshape(-1, d, d), turned)
+        moments = self._of_pairs("moments", pairs).reshape(-1, d, d)
+        across = 2 * np.einsum("bji,bij->", moments, turned)
         return float(along + across - (self.body.volumes * density * growth)[own].sum())
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:

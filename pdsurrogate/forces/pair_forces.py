@@ -1,5 +1,6 @@
 """Forces of the pairs of one material, with the compiled pass that computes them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -7,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..body.alike import vectors_between
+from ..body.bonds import SLAB
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
@@ -67,15 +69,13 @@ class PairForces(Pairs):
     binding : Binding
     model : ForceSurrogate
     points : MaterialPoints
-    strength : ndarray, shape (n_pairs,)
-        `pdsurrogate.body.alike.pair_strength` of the pairs of the body.
+    strength : callable
+        Returns `pdsurrogate.body.alike.pair_strength` of pairs of the body.
     correction : str
         Correction of incomplete horizons, see `ForceSettings`.
 
     Attributes
     ----------
-    forces : ndarray, shape (n_blocks * BLOCK, 2)
-        Forces of the pairs on their first points, in units of `unit`.
     geometry : ndarray, shape (k, 4 to 6, BLOCK)
         Reference vectors of the pairs in blocks, see
         `pdsurrogate.kernels.reference_state.pair_rows`.
@@ -90,15 +90,14 @@ class PairForces(Pairs):
     """
 
     def __init__(
-        self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str
+        self, binding: Binding, model, points: MaterialPoints, strength: Callable, correction: str
     ) -> None:
         law = points.law
         kinematics = binding.kinematics
         precision = binding.precision
         plane = binding.settings.plane
         body = kinematics.body
-        super().__init__(model, points)
-        self.forces = aligned_rows((len(points.first), 2), precision)
+        super().__init__(model, points, precision)
         self._kinematics = kinematics
         self._precision = precision
         self._binding = binding
@@ -110,8 +109,7 @@ class PairForces(Pairs):
         rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
         self.rows = points.rows
         pairs, places = points.stored
-        blocks = len(np.unique(self.rows))
-        self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
+        self.geometry = aligned_rows((int(self.rows.max()) + 1, rows, BLOCK), precision)
         if divided:
             counted = body.share.own[body.bonds.first[pairs]]
             self.geometry[places // BLOCK, bond_force.COUNTED_ROW, places % BLOCK] = counted
@@ -162,18 +160,21 @@ class PairForces(Pairs):
         self._weights[:] = model.compiled(self._precision).weights
 
     def find_geometry(
-        self, pairs: np.ndarray, places: np.ndarray, strength: np.ndarray, correction: str
+        self, pairs: np.ndarray, places: np.ndarray, strength: Callable, correction: str
     ) -> None:
         """Compute the rows of `geometry` for some `pairs` of the body, in their `places`;
-        `strength` holds `pair_strength` of all pairs.
+        ``strength(pairs)`` returns `pair_strength`.
         """
         kinematics = self._kinematics
         body = self._kinematics.body
-        ends = body.bonds.first[pairs], body.bonds.second[pairs]
-        given = *ends, vectors_between(body, *ends), strength[pairs]
         shapes = kinematics.inverse_shape, kinematics.supported
         rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
-        reference_state.pair_rows(places, *given, *shapes, *rule, self.geometry)
+        for start in range(0, len(pairs), SLAB):
+            part = slice(start, start + SLAB)
+            some = pairs[part]
+            ends = body.bonds.first[some], body.bonds.second[some]
+            given = places[part], *ends, vectors_between(body, *ends), strength(some)
+            reference_state.pair_rows(*given, *shapes, *rule, self.geometry)
 
     def separate(self, pairs: np.ndarray) -> None:
         """Give the blocks of some `pairs` rows of their own, before `find` is used."""
@@ -219,11 +220,15 @@ class PairForces(Pairs):
         self.forces[pairs] = np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=1)
 
     def reference_vectors(self) -> np.ndarray:
-        """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2)."""
-        n1, n2, along, across = (self.geometry[self.rows, row] for row in range(4))
-        return np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1).reshape(
-            -1, 2
+        """Return the reference vectors (theory (21)) of the pairs, shape (n_pairs, 2), in `forces`,
+        which an evaluation overwrites.
+        """
+        n1, n2, along, across = self.geometry[:, :4].transpose(1, 0, 2)
+        found = np.stack([n1 * along - n2 * across, n2 * along + n1 * across], axis=-1)
+        np.take(
+            found, self.rows, axis=0, out=self.forces.reshape(-1, *found.shape[1:]), mode="clip"
         )
+        return self.forces
 
     def add(self, pairs: np.ndarray, changes: np.ndarray) -> None:
         """Add `changes` (k, 2) to the reference vectors of some `pairs` that carry force."""

@@ -37,6 +37,11 @@ class Steps:
             self._calls[0] if len(self._calls) == 1 and isinstance(self._calls[0], Chain) else None
         )
 
+    @property
+    def passes(self) -> tuple[BoundPass, ...] | None:
+        """The steps, if all of them are passes."""
+        return None if self._only is None else self._only.passes
+
     def __call__(self) -> list[int]:
         """Run all steps in order; return the count that each pass returns, such as the number of
         points without a state.

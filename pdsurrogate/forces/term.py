@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -94,6 +94,16 @@ class Kept:
         )
 
 
+class Passes(NamedTuple):
+    """Passes of a term in a body on one rank."""
+
+    find: tuple[BoundPass, ...]
+    """Those of an evaluation."""
+
+    of_planes: tuple[BoundPass, np.ndarray] | None = None
+    """Pass that computes `Term.forces_of_planes`, and the array (planes, d) that receives them."""
+
+
 class Term(ABC):
     """Base class of the terms of an internal force, bound to a body and its materials: each
     computes forces on the points.
@@ -176,6 +186,12 @@ class Term(ABC):
         InvalidState
             If the deformation has no force; the message names a point.
         """
+
+    def passes(self, out: np.ndarray) -> Passes | None:
+        """Return the passes that `find` runs for forces in `out`, if it does nothing else where no
+        pass returns a count.
+        """
+        return None
 
     @abstractmethod
     def pass_bonds(self, out: np.ndarray) -> object:
@@ -388,6 +404,11 @@ class MaterialTerm(Term):
         if counts[-1]:
             raise InvalidState(self.diagnose(out))
 
+    def passes(self, out: np.ndarray) -> Passes | None:
+        self._sum.give("out", out)
+        found = self._find_all.passes
+        return None if found is None else Passes(found)
+
     def pass_bonds(self, out: np.ndarray) -> object:
         self._sum.give("out", out)
         self._find_forces()
@@ -395,6 +416,16 @@ class MaterialTerm(Term):
     def diagnose(self, out: np.ndarray) -> str:
         """Return an error message that names a point whose force in `out` is not finite."""
         return locate(self.body, out, "the force on it is not finite")
+
+    def _of_pairs(self, quantity: str, pairs: np.ndarray) -> np.ndarray:
+        """Return the "forces" or "moments" of given pairs, summed over the `parts` of all
+        materials.
+        """
+        found = np.zeros((len(pairs), getattr(self.parts[0], quantity).shape[1]))
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            found[chosen] += part.unit * getattr(part, quantity)[places].astype(float)
+        return found
 
     def volume_ratios(self) -> np.ndarray:
         """Return the volume ratios J3 of the points, shape (n,); 1 for rigid points."""

@@ -29,6 +29,21 @@ def place_points(chunk, given, source, parity, shift, positions):
 
 
 @Pass
+def sum_on_planes(chunk, lever, on_points, found):
+    """Write minus the forces (planes, d) that do work on the displacements of planes, which move
+    their ghosts by `lever` (m, planes, d); the rows of ghosts in `on_points` are the last.
+    """
+    m, planes, dimension = lever.shape
+    n = on_points.shape[0] - m
+    for p in share_of(planes, chunk):
+        for r in range(dimension):
+            total = 0.0
+            for g in range(m):
+                total -= lever[g, p, r] * on_points[n + g, r]
+            found[p, r] = total
+
+
+@Pass
 def fold_vectors(chunk, values, source, parity):
     """Add P v to the vector on the source of each ghost, v the vector on the ghost, P =
     diag(parity).

@@ -64,17 +64,18 @@ def greatest_force_density(forces, free, volumes):
 
 
 @kernel
-def greatest_strain(displacements, points, first, second):
+def greatest_strain(displacements, points, first, second, broken):
     """Return the largest component of u_j - u_i over the undeformed bond length, of all bonds; u
     are the `displacements`.
 
-    `first` and `second` are the numbers of the points of every pair. Bonds to ghosts are left out.
+    `first` and `second` are the numbers of the points of every pair. Bonds to ghosts are left out,
+    and `broken` ones, an array of flags that is empty if none is.
     """
     largest = 0.0
     for b in range(first.shape[0]):
         i = first[b]
         j = second[b]
-        if j < points.shape[0]:
+        if j < points.shape[0] and not (broken.shape[0] > 0 and broken[b]):
             square = 0.0
             change = 0.0
             for c in range(points.shape[1]):
@@ -82,6 +83,28 @@ def greatest_strain(displacements, points, first, second):
                 change = max(change, abs(displacements[j, c] - displacements[i, c]))
             largest = max(largest, change * change / square)
     return np.sqrt(largest)
+
+
+@kernel
+def greatest_change_of_length(before, after, points, first, second):
+    """Return the largest change of the length of a bond from positions `before` to `after`, over
+    its undeformed length; NaN if any is not finite. For the others see `greatest_strain`.
+    """
+    largest = 0.0
+    total = 0.0
+    for b in range(first.shape[0]):
+        i = first[b]
+        j = second[b]
+        if j < points.shape[0]:
+            square = one = other = 0.0
+            for c in range(points.shape[1]):
+                square += (points[j, c] - points[i, c]) ** 2
+                one += (before[j, c] - before[i, c]) ** 2
+                other += (after[j, c] - after[i, c]) ** 2
+            change = abs(np.sqrt(other) - np.sqrt(one)) / np.sqrt(square)
+            largest = max(largest, change)
+            total += change
+    return largest if total < np.inf else np.nan
 
 
 @kernel
@@ -117,21 +140,109 @@ def _following(velocity, force, mass, rule):
 
 
 @Pass
+def take_step(
+    chunk, positions, velocities, forces, free, mass, damping, spans, most_travel, fastest
+):
+    """Take one explicit time step as `central_difference_step` does; return whether a point would
+    move by more than `most_travel` in the next step.
+
+    `spans` begin with the lengths of this time step, of the step before and of the next. `fastest`
+    receives the greatest velocity component of each chunk.
+    """
+    step = spans[0]
+    rule = _rule(0.5 * (step + spans[1]), damping)
+    greatest = 0.0
+    for i in share_of(positions.shape[0], chunk):
+        for k in range(positions.shape[1]):
+            v = _following(velocities[i, k], forces[i, k], mass[i], rule) * free[i, k]
+            velocities[i, k] = v
+            positions[i, k] += step * v
+            greatest = max(greatest, abs(v))
+    fastest[chunk.number] = greatest
+    return not greatest * spans[2] <= most_travel
+
+
+@Pass
+def look_ahead(chunk, positions, velocities, time, ahead):
+    """Write the positions a `time` ahead, at constant velocities."""
+    for i in share_of(positions.shape[0], chunk):
+        for k in range(positions.shape[1]):
+            ahead[i, k] = positions[i, k] + time * velocities[i, k]
+
+
+@Pass
+def follow(chunk, forces, spans, elastic):
+    """Add the part `spans[3]` of the difference between forces and `elastic` to the latter."""
+    for i in share_of(forces.shape[0], chunk):
+        for k in range(forces.shape[1]):
+            elastic[i, k] += spans[3] * (forces[i, k] - elastic[i, k])
+
+
+@Pass
+def next_row(chunk, row):
+    """Go on to the next row of tables, whose number `row` (1,) has."""
+    if chunk.number == 0:
+        row[0] += 1
+
+
+@Pass
+def put_row(chunk, table, row, places, values):
+    """Copy a row of a table to `places` of flat `values`."""
+    for i in share_of(places.shape[0], chunk):
+        values[places[i]] = table[row[0], i]
+
+
+@Pass
+def keep_row(chunk, values, places, row, table):
+    """Copy `places` of flat `values` to a row of a table."""
+    for i in share_of(places.shape[0], chunk):
+        table[row[0], i] = values[places[i]]
+
+
+@Pass
+def copy_rows(chunk, values, out):
+    """Copy the first rows of `values`, as many as `out` has."""
+    for i in share_of(out.shape[0], chunk):
+        for k in range(out.shape[1]):
+            out[i, k] = values[i, k]
+
+
+@Pass
+def count_infinite(chunk, values):
+    """Return whether a value is not finite."""
+    if chunk.number > 0:
+        return 0
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += abs(values[i])
+    return not total < np.inf
+
+
+@Pass
+def count_positive(chunk, values):
+    """Return whether a value of an array of rows is positive."""
+    found = 0
+    for i in share_of(values.shape[0], chunk):
+        for k in range(values.shape[1]):
+            found += values[i, k] > 0
+    return found
+
+
+@Pass
 def energies_of_step(
-    chunk, velocities, arriving, forces, elastic, free, mass, damping, steps, sums
+    chunk, arriving, velocities, forces, free, mass, damping, spans, elastic, sums
 ):
     """Write sums over blocks of points to `sums` (n_blocks, 4): the kinetic energies before and
     after the present time, and the powers of damping and viscosity with the velocities of these
     times, see `ExplicitDynamics.balance`.
 
     `velocities` are those in the middle of the last step, `arriving` the same without the impulse
-    of bonds that have just broken; viscous forces are `forces` minus `elastic`. `steps` are the
-    lengths of the last step and of the next.
+    of bonds that have just broken; viscous forces are `forces` minus `elastic`. `spans` are as of
+    `take_step`.
     """
     n, dimension = velocities.shape
-    last, following = steps
-    present = _rule(last, damping)
-    mean = _rule(0.5 * (last + following), damping)
+    present = _rule(spans[0], damping)
+    mean = _rule(0.5 * (spans[0] + spans[2]), damping)
     for block in share_of(sums.shape[0], chunk):
         kinetic = left = taken = lost = 0.0
         for i in range(block * BLOCK, min(n, (block + 1) * BLOCK)):

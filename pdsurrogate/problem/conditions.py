@@ -64,9 +64,8 @@ def conditions_of(
     Raises
     ------
     ValueError
-        If a region is empty, two entries move a point or plane differently, an amplitude is not
-        zero at the start, or nothing keeps a piece of the body where it is; the message names the
-        key.
+        If a region is empty, two entries move a point or plane differently, or an amplitude is not
+        zero at the start; the message names the key.
     """
     body = regions.body
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
@@ -100,9 +99,8 @@ def conditions_of(
             along_planes.append(one.held(names, points, body.points[points]))
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
-    moving = any(stage.inertia is not None for stage in stages)
     held += [
-        _points_of(one, names, regions, moving, edges)
+        _points_of(one, names, regions, edges)
         for one in prescriptions
         if not _mirrored(one, regions, edges)
     ]
@@ -130,14 +128,31 @@ def conditions_of(
     loading.course = Paths(loading, springs, modulus, strain, pull)
     for support in loading.supports:
         support.response = loading.course.response
+    return loading
+
+
+def check_supports(
+    loading: Loading, stages: tuple[Stage, ...], stress: NominalStress | None
+) -> None:
+    """Raise ValueError if the supports do not fit the stages: if nothing keeps a piece of the body
+    where it is, or one holds a place between points in dynamics.
+    """
+    between = next((part for part in loading.held if part.count > 1), None)
+    if between and any(stage.inertia is not None for stage in stages):
+        why = (
+            f"{between.count} points are equally near to this place, and dynamics cannot hold a"
+            " place between points"
+        )
+        raise ValueError(
+            f"{between.name}.region: {why}; give the numbers of points, or a box around them"
+        )
     if stress is not None:
         _check_held(loading, "grips", "add a hold", f"moving along x{stress.axis + 1}")
     elif any(stage.inertia is None for stage in stages):
-        ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
+        ways = "x1 or x2" if loading.body.dimension == 2 else "x1, x2 or x3"
         _check_held(
             loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics"
         )
-    return loading
 
 
 def warn_of_points(scene: Scene, boundaries: Mapping[str, str]) -> None:
@@ -186,15 +201,13 @@ def _points_of(
     one: Prescription,
     names: tuple[str, ...],
     regions: BodyRegions,
-    moving: bool,
     mirrors: list[str],
 ) -> Held:
     """Return the points that a prescription holds, as a held part of the body; `names` are the
     supports whose forces are reported.
 
     Parts of the boundary that mirrored points hold, `mirrors`, are left out. A region that is a
-    place equally near to several points is held at the mean of these points. In a program with
-    dynamics (`moving`) this raises ValueError.
+    place equally near to several points is held at the mean of these points.
     """
     body = regions.body
     share = regions.body.share
@@ -212,14 +225,6 @@ def _points_of(
         found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
     if len(found) < 2:
         return one.held(names, points, body.points[points])
-    if moving:
-        why = (
-            f"{len(found)} points are equally near to this place, and dynamics cannot hold a place"
-            " between points"
-        )
-        raise ValueError(
-            f"{one.key}.region: {why}; give the numbers of points, or a box around them"
-        )
     others = share.local(np.array(list(found)[1:]))
     place = np.mean(list(found.values()), axis=0, keepdims=True)
     return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))

@@ -39,7 +39,7 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loaded_force import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import conditions_of, warn_of_points
+from .conditions import check_supports, conditions_of, warn_of_points
 from .fracture import CriticalStretches, check_walls
 from .fronts import Fronts
 from .loads import loads_of
@@ -420,6 +420,8 @@ def _on_body(
                 if process[0] == "quasi-static":
                     stages = slow_stages(scene, stages)
             check_dynamics(scene, loading, stages, softest)
+        if portions or not scene.fracture:  # a picture does not know the process
+            check_supports(loading, stages, measures.nominal_stress)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         critical = strengths = None

@@ -262,19 +262,23 @@ class Prescription:
     about: np.ndarray | None = None
     axis: np.ndarray | None = None
 
-    def motion(self, parameter: float) -> np.ndarray:
-        """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1): a
-        place X moves by (Q - I) X + c.
+    def motion(self, parameter: float | np.ndarray) -> np.ndarray:
+        """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1), or
+        those at several, (k, d, d + 1): a place X moves by (Q - I) X + c.
         """
-        factor = self.factor(parameter)
+        factors = np.ravel(parameter).tolist()
+        if self.rotation is not None or self.displacement.any():
+            factors = list(map(self.factor, factors))
         dimension = len(self.displacement)
-        found = np.zeros((dimension, dimension + 1))
-        found[:, -1] = self.displacement * factor
+        found = np.zeros((len(factors), dimension, dimension + 1))
+        found[:, :, -1] = self.displacement * np.reshape(factors, (-1, 1))
         if self.rotation is not None:
             axis = np.ones(1) if dimension == 2 else self.axis / np.linalg.norm(self.axis)
-            found[:, :-1] = turn_by(math.radians(self.rotation * factor) * axis) - np.eye(dimension)
-            found[:, -1] -= found[:, :-1] @ self.about
-        return found
+            for one, factor in zip(found, factors, strict=True):
+                one[:, :-1] = turn_by(math.radians(self.rotation * factor) * axis)
+                one[:, :-1] -= np.eye(dimension)
+                one[:, -1] -= one[:, :-1] @ self.about
+        return found.reshape(*np.shape(parameter), dimension, dimension + 1)
 
     def angle(self, parameter: float) -> float:
         """Return the angle in degrees by which the region has turned at a value of the loading

@@ -103,13 +103,23 @@ def surface_of(law: Law, stretch: float, given: Strength) -> Surface | None:
                 f" {given.equibiaxial:g}: beyond it, pressure would break the material"
             )
         share = max(share, 0.0)
-    _, stresses, roots = tension_states(law, stretch)
-    if (np.diff(stresses) <= 0).any():
-        raise ValueError(
-            f"the nominal stress of {law.name} in uniaxial tension must rise up to the break and"
-            " beyond it for a strength of two numbers; leave the second out"
-        )
+    stretches, stresses, roots = tension_states(law, stretch)
+    two = " for a strength of two numbers; leave the second out, for"
+    rising(law, stretches, stresses, len(stresses), two)
     return Surface(share, uniaxial, stresses, roots)
+
+
+def rising(law: Law, stretches: np.ndarray, values: np.ndarray, asked: int, why: str = ";") -> int:
+    """Return how many `values` rise from the first on, which do if the nominal stress in uniaxial
+    tension does; raise ValueError if fewer than `asked`, for a reason `why`.
+    """
+    count = int(np.append(np.diff(values) <= 0, True).argmax()) + 1
+    if count < asked:
+        raise ValueError(
+            f"the nominal stress of {law.name} in uniaxial tension must rise up to a stretch of"
+            f" {stretches[asked - 1]:.3g}{why} it does up to {stretches[count - 1]:.3g}"
+        )
+    return count
 
 
 def _check_reached(law: Law, hydrostatic: float) -> None:

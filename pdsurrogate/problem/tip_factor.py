@@ -7,7 +7,7 @@ import scipy
 
 from ..materials import Law
 from ..materials.tearing import TABLE, tension_states
-from .strength_surface import Surface
+from .strength_surface import Surface, rising
 
 STRETCHES = (1.0, 1.05, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, math.inf)
 SHARES = (0.0, 0.031, 0.142, 0.338, 0.552, 0.761, 0.854, 0.93, 0.96, 1.0)
@@ -56,14 +56,8 @@ def factor_of_rice(law: Law, stretch: float) -> float:
     stretches, stresses, roots = (rows[1:] for rows in tension_states(law, stretch))
     shears = (stretches - 1) * np.sqrt(1 + 2 / stretches)
     loads = stresses * shears / (stretches - stretches**-2)
-    falls = np.append(np.diff(loads) <= 0, True)
-    rising = int(falls.argmax()) + 1
-    if rising < TABLE - 1:
-        raise ValueError(
-            f"the nominal stress of {law.name} in uniaxial tension must rise up to the break; it"
-            f" does up to a stretch of {stretches[rising - 1]:.3g}"
-        )
-    shears, loads, works = shears[:rising], loads[:rising], np.square(roots[:rising])
+    count = rising(law, stretches, loads, TABLE - 1)
+    shears, loads, works = shears[:count], loads[:count], np.square(roots[:count])
     work = works[TABLE - 2]
     radii = 1 / (math.pi * loads * shears)
     last = 1 + math.log(loads[-1] / loads[-2]) / math.log(shears[-1] / shears[-2])

@@ -11,6 +11,9 @@ import scipy
 
 from .communicator import ALONE, Communicator
 
+SLAB = 500_000
+"""Number of bonds that `connected` looks at together. Chosen as for the parts of `Bonds.slabs`."""
+
 
 class Halo:
     """Halo of an array: its rows that other ranks own, and the messages that copy their values from
@@ -254,7 +257,7 @@ class Share(Halo, Rows):
         """Return the number of pieces into which bonds connect the points of the whole body, and
         the piece of each local point, shape (n,).
 
-        Local bonds are given by their ends `first` and `second`. Pieces on two ranks are joined
+        Local bonds are given by their ends, see `connected`. Pieces on two ranks are joined
         where a halo point of one rank is in both.
         """
         count, label = connected(len(self.own), first, second)
@@ -332,10 +335,27 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     """Return the number of connected components of n points, and the number of the component of
     each point, shape (n,).
 
-    Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do
-    not communicate, unlike in `Share.pieces`.
+    Bonds join the points `first` to the points `second`; numbers from n on are no points. Only the
+    bonds given here count: ranks do not communicate, unlike in `Share.pieces`.
     """
     root = np.arange(n, dtype=np.uint32)
+    # Where bonds are sorted, those that begin another list join nearly all points, and the others
+    # next to none.
+    begin = np.flatnonzero(first[1:] != first[:-1]) + 1
+    _join(root, first[begin], second[begin])
+    for start in range(0, len(first), SLAB):
+        _join(root, first[start : start + SLAB], second[start : start + SLAB])
+    roots = root == np.arange(n)
+    return int(np.count_nonzero(roots)), (np.cumsum(roots) - 1)[root]
+
+
+def _join(root: np.ndarray, first: np.ndarray, second: np.ndarray) -> None:
+    """Join the components of the points that bonds connect; `root` is the least number in the
+    component of each point.
+    """
+    within = second < len(root)
+    if not within.all():
+        first, second = first[within], second[within]
     while True:
         one = root[first]
         other = root[second]
@@ -350,9 +370,7 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
         # children of roots again.
         np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))
         while (root[root] != root).any():
-            root = root[root]
-    roots = root == np.arange(n)
-    return int(np.count_nonzero(roots)), (np.cumsum(roots) - 1)[root]
+            root[:] = root[root]
 
 
 def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:

@@ -5,7 +5,8 @@ probes.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -221,6 +222,15 @@ class PointState:
             -np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1
         )
 
+    def part(self, rows: slice) -> PointState:
+        """Return the state of some of the points."""
+        found = copy(self)
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray):
+                setattr(found, name, values[rows])
+        found.kept = {name: values[rows] for name, values in self.kept.items()}
+        return found
+
     def pressure(self) -> np.ndarray:
         """Return the pressure, minus a third of the trace of the Cauchy stress, shape (n,)."""
         return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
@@ -288,6 +298,12 @@ POINT_FIELDS = {
     "damage": PointField(lambda state: state.damage),
 }
 """Fields on the points by their names in result files."""
+
+
+def fields_by_part(state: PointState, size: int) -> Iterator[dict[str, np.ndarray]]:
+    """Yield `point_fields` of parts of so many points."""
+    for start in range(0, len(state.position), size):
+        yield point_fields(state.part(slice(start, start + size)))
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:

@@ -374,7 +374,8 @@ class Result:
                 claim(folder, self.summary, overwrite)
                 written = StatesInFiles(folder, self.scene.name, self.body)
                 for number in range(len(self.states)):
-                    written.append(*self.states[number])
+                    moment, fields = self.states[number]
+                    written.append(moment, [fields])
             if self.states:
                 _drawings().save_drawings(self, folder)
             write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)

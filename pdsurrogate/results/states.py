@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -55,12 +57,19 @@ class States:
     in_pieces = False
     """Whether several ranks wrote the fields in pieces, each for its own points."""
 
-    def append(self, moment: Moment, fields: Fields | Path) -> None:
-        """Record a state: its moment, and its fields on the points, or the path of the file that
-        holds them.
+    part = sys.maxsize
+    """Number of points of the parts in which `append` takes fields."""
 
-        On a rank that stores no fields, every value in `fields` is None.
+    def append(self, moment: Moment, parts: Iterable[Fields]) -> None:
+        """Record a state: its moment, and its fields on the points.
+
+        On a rank that stores no fields, every value in the only one of the `parts` is None.
         """
+        (fields,) = parts
+        self._keep(moment, fields)
+
+    def _keep(self, moment: Moment, fields: Fields | Path) -> None:
+        """Keep a moment, and the fields on the points or the path of the file that holds them."""
         self.moments.append(moment)
         self._kept.append(fields)
 
@@ -141,7 +150,7 @@ class StatesInFiles(States):
         """
         states = cls(folder, name)
         for path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            States.append(states, Moment(**vtk.read_values(path)), path)
+            states._keep(Moment(**vtk.read_values(path)), path)
         return states
 
     @property
@@ -149,21 +158,36 @@ class StatesInFiles(States):
         """True if each of several ranks writes a piece of every state."""
         return self.body is not None and self.body.share.divided
 
-    def append(self, moment: Moment, fields: Fields) -> None:
+    part = 2**16
+
+    def append(self, moment: Moment, parts: Iterable[Fields]) -> None:
         """Write the file of a state, and the index that lists it; an error on one rank is raised
         on all ranks.
         """
         share = self.body.share
         path = self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
-        cells, nodes = deformed_cells(self.body, fields)
+        needed: dict[str, list] = {"displacement": [], "deformation_gradient": [], "damage": []}
+
+        def noted() -> Iterator[Fields]:
+            end = 0
+            for fields in parts:
+                for name, found in needed.items():
+                    found += [fields[name]] if name in fields else []
+                rows = slice(end, end := end + len(fields["displacement"]))
+                if self.in_pieces:
+                    own = share.own[rows]
+                    fields = {name: field[own] for name, field in fields.items()}
+                    fields[vtk.NUMBER] = share.numbers[rows][own]
+                yield fields
+
+        fields = vtk.pack(noted())
+        whole = {name: np.concatenate(found) for name, found in needed.items() if found}
+        cells, nodes = deformed_cells(self.body, whole)
         if self.in_pieces:  # the halo was needed for the nodes between pieces
             path = path.with_suffix(".pvtu")
             cells, used = cells.only(share.own)
             nodes = nodes[used]
-            fields = {name: field[share.own] for name, field in fields.items()} | {
-                vtk.NUMBER: share.numbers[share.own]
-            }
         with share.ranks.together():
             vtk.write_state(
                 _piece(path, share.ranks.rank) if self.in_pieces else path,
@@ -172,12 +196,12 @@ class StatesInFiles(States):
                 fields,
                 values,
             )
-        super().append(moment, path)
+        self._keep(moment, path)
         with share.ranks.together():
             if self.in_pieces and share.is_first:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
                 vtk.write_pieces(
-                    path, pieces, {name: field[:1].size for name, field in fields.items()}
+                    path, pieces, {name: field.components for name, field in fields.items()}
                 )
             if share.is_first:
                 self._write_index()

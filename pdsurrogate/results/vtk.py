@@ -1,7 +1,11 @@
 """Writing and reading of states as VTU files with a PVD index, for ParaView."""
 
+import zlib
+from base64 import b64encode
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
+from typing import TextIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,6 +18,17 @@ CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexa
 in the plane.
 """
 
+CODES = {"triangle": 5, "polygon": 7, "quad": 9, "tetra": 10, "hexahedron": 12}
+"""Numbers of the types of cells in VTK."""
+
+BLOCK = 2**15
+"""Bytes of an array that are compressed together, as VTK does."""
+
+LEVEL = 1
+"""Level of the compression. Chosen: smooth fields take 2 % more than with the usual 6, in a fifth
+of the time.
+"""
+
 DISPLACEMENT = "displacement"
 EXACT = ("position", DISPLACEMENT, "volume")
 """Fields that are written in double precision: all others follow from them, and are written in
@@ -24,11 +39,62 @@ NUMBER = "number"
 """Field of a piece with the numbers of its points in the whole body."""
 
 
+class Packed:
+    """Numbers of an array in a VTU file, compressed part by part as they come.
+
+    Parameters
+    ----------
+    kind : dtype
+        Kind of the numbers in the file.
+    *parts : ndarray
+        See `add`.
+    """
+
+    def __init__(self, kind, *parts: np.ndarray) -> None:
+        self.kind = np.dtype(kind)
+        self.components = 1
+        self._blocks: list[bytes] = []
+        self._rest = np.empty(0, dtype=np.uint8)
+        for part in parts:
+            self.add(part)
+
+    def add(self, values: np.ndarray) -> None:
+        """Add the next rows."""
+        self.components = int(np.prod(values.shape[1:]))
+        numbers = np.ascontiguousarray(values, self.kind).reshape(-1).view(np.uint8)
+        rest = np.append(self._rest, numbers)
+        whole = len(rest) // BLOCK * BLOCK
+        self._blocks += [zlib.compress(rest[i : i + BLOCK], LEVEL) for i in range(0, whole, BLOCK)]
+        self._rest = rest[whole:].copy()
+
+    def write(self, file: TextIO, name: str) -> None:
+        """Write the array to a VTU file, after the last part."""
+        left = len(self._rest)
+        self._blocks += [zlib.compress(self._rest, LEVEL)] if left else []
+        sizes = [len(block) for block in self._blocks]
+        head = np.array([len(sizes), BLOCK, left, *sizes], "<u4")
+        kind = self.kind.name.capitalize().replace("Ui", "UI")
+        many = f' NumberOfComponents="{self.components}"' if self.components > 1 else ""
+        file.write(f'<DataArray type="{kind}" Name="{escape(name)}"{many} format="binary">')
+        for part in (head.tobytes(), b"".join(self._blocks)):
+            file.write(b64encode(part).decode("ascii"))
+        file.write("</DataArray>")
+
+
+def pack(parts: Iterable[dict[str, np.ndarray]]) -> dict[str, Packed]:
+    """Return fields, which come as parts of the points of a body, as `write_state` takes them."""
+    packed: dict[str, Packed] = {}
+    for fields in parts:
+        for name, values in fields.items():
+            packed.setdefault(name, Packed(_kind(name))).add(values)
+    return packed
+
+
 def write_state(
     path: Path,
     cells: CellMesh,
     nodes: np.ndarray,
-    fields: dict[str, np.ndarray],
+    fields: dict[str, Packed],
     values: dict[str, float],
 ) -> None:
     """Write a VTU file of one state: fields on the cells of a body, and single values as field
@@ -44,35 +110,46 @@ def write_state(
         Cells in the order of the points of the body.
     nodes : ndarray, shape (k, d)
         Displacements of the nodes of the cells.
-    fields : dict of ndarray, each of shape (n,) or (n, components)
+    fields : dict of Packed
         Fields on the points.
     values : dict of float
         Single values by name, such as the time.
     """
-    import meshio
-
     flat = ((0, 0), (0, 3 - cells.dimension))
-    ends = np.cumsum([len(block) for block in cells.blocks])[:-1]
-    data = {name: np.split(field.astype(_kind(name)), ends) for name, field in fields.items()}
-    blocks = [
-        (
-            CELL_TYPES.get((cells.dimension, block.shape[1]), "polygon"),
-            block.astype(np.int32, copy=False),
+    counts = [len(block) for block in cells.blocks]
+    corners = [block.shape[1] for block in cells.blocks]
+    types = [CODES[CELL_TYPES.get((cells.dimension, many), "polygon")] for many in corners]
+    of_cells = {
+        "connectivity": Packed("i4", np.concatenate([block.ravel() for block in cells.blocks])),
+        "offsets": Packed("i8", np.repeat(corners, counts).cumsum()),
+        "types": Packed("u1", np.repeat(types, counts)),
+    }
+    parts = {
+        "Points": {"Points": Packed("f8", np.pad(cells.nodes, flat))},
+        "Cells": of_cells,
+        "PointData": {DISPLACEMENT: Packed("f4", np.pad(nodes, flat))},
+        "CellData": fields,
+    }
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+        file.write(
+            '<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="0.1"'
+            ' byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor">'
+            "<UnstructuredGrid><FieldData>"
         )
-        for block in cells.blocks
-    ]
-    moved = {DISPLACEMENT: np.pad(nodes, flat).astype(np.float32)}
-    mesh = meshio.Mesh(np.pad(cells.nodes, flat), blocks, point_data=moved, cell_data=data)
-    with replacing(path) as temporary:
-        meshio.write(temporary, mesh, file_format="vtu")
-        # meshio reads field data from VTU files but does not write them.
-        head, grid, rest = temporary.read_text("utf-8").partition("<UnstructuredGrid>")
-        arrays = "".join(
-            f'<DataArray type="Float64" Name="{escape(name)}" NumberOfTuples="1"'
-            f' format="ascii">{value:.17g}</DataArray>'
-            for name, value in values.items()
+        for name, value in values.items():
+            file.write(
+                f'<DataArray type="Float64" Name="{escape(name)}" NumberOfTuples="1"'
+                f' format="ascii">{value:.17g}</DataArray>'
+            )
+        file.write(
+            f'</FieldData><Piece NumberOfPoints="{len(nodes)}" NumberOfCells="{len(cells)}">'
         )
-        temporary.write_text(f"{head}{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
+        for element, arrays in parts.items():
+            file.write(f"<{element}>")
+            for name, packed in arrays.items():
+                packed.write(file, name)
+            file.write(f"</{element}>")
+        file.write("</Piece></UnstructuredGrid></VTKFile>")
 
 
 def _kind(name: str) -> type:

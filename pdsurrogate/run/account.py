@@ -2,16 +2,20 @@
 lost in damping and breaking bonds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from ..solvers.dynamics import ExplicitDynamics
+from ..solvers.conditions import Motions
+from ..solvers.dynamics import Balance, ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
 from ..solvers.quasi_newton import EnergyMinimizer
 from ..solvers.reactions import Reactions, support_reactions
+from ..solvers.step_runs import Taken
 from .rows import dissipated_columns
 from .run import Run
 
@@ -148,6 +152,40 @@ class Account:
         return vars(self) | lists
 
 
+class Supports(NamedTuple):
+    """How supports move around the ends of k steps."""
+
+    parameters: np.ndarray
+    """Loading parameter at the end of the step before, at the k ends, and of the step after."""
+
+    last: Motions
+    now: Motions
+    following: Motions
+    ahead: Motions
+    """Motions at the ends of the steps before, at those of the steps, at those of the next, and a
+    retardation time after the ends.
+    """
+
+    planes_move: np.ndarray
+    """Whether a reflection plane moves in a step, the next, or the retardation time, (k,);
+    otherwise its reaction does no work in them.
+    """
+
+    uneven: np.ndarray
+    """Whether supports change velocity between the retardation time before and that after by more
+    than `LEAST_UNEVENNESS`, relatively, (k,); approximated forces forget within it.
+    """
+
+    def first(self, k: int) -> "Supports":
+        """Return those around the first k ends."""
+        return Supports(
+            self.parameters[: k + 2],
+            *(motions.at(slice(k)) for motions in self[1:5]),
+            self.planes_move[:k],
+            self.uneven[:k],
+        )
+
+
 @dataclass(eq=False)
 class Bookkeeping:
     """Energy account of a stage in dynamics while it runs: sums work and losses, and checks that
@@ -199,64 +237,59 @@ class Bookkeeping:
         """
         last = max(self.account.last_break, self.account.last_drift)
         changing = self.closes and self.integrator.steps - last < STEPS_PER_ROW
-        moving = self._planes_move()
+        supports = self.supports([self.account.time], self.integrator.next_step())
+        moving = bool(supports.planes_move[0])
         reactions = support_reactions(
             self.run.loading, self.run.loaded, self.integrator.forces, moving
         )
         unknown = moving and self.account.on_planes is None
-        self.advance(reactions, changing or unknown or self._uneven())
+        self.advance(reactions, changing or unknown or supports.uneven[0], supports)
 
-    def _parameters(self) -> tuple[float, float, float]:
-        """Return the loading parameter at the end of the step before, now, and at the end of the
-        next step.
+    def supports(self, times: list[float], following: float) -> Supports:
+        """Return how supports move around the ends of steps at `times`, the first of which ends the
+        step after the account's last one; the last is followed by a step of a length.
         """
-        account = self.account
         at = self.motion.at
-        following = account.time + self.integrator.next_step()
-        return at(account.rate_time), at(account.time), at(following)
+        loading = self.run.loading
+        n = len(times)
+        before = [self.account.rate_time, *times[:-1]]
+        ends = np.array(list(map(at, [before[0], *times, times[-1] + following])))
+        now = ends[1:-1]
+        ahead = now + self.viscosity * self.motion.rate
+        earlier = [
+            at(max(0.0, min(last, time - self.viscosity)))
+            for last, time in zip(before, times, strict=True)
+        ]
+        every = loading.motions(np.concatenate([ends, ahead, earlier]))
+        last, present, then = (every.at(slice(k, k + n)) for k in range(3))
+        viscous, past = (every.at(slice(n + 2 + k, 2 * n + 2 + k)) for k in (0, n))
+        planes = present.of_planes
+        moves = [one.of_planes != planes for one in (last, then, viscous)]
+        uneven = np.zeros(n, dtype=bool)
+        if self.viscosity > 0:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratio = (ahead - now) / (now - earlier)
+                off, *ways = loading.changes_of_rate(past, present, viscous, ratio[:, None])
+                uneven = (now != earlier) & (off / np.maximum(*ways) > LEAST_UNEVENNESS)
+        planes_move = np.any(moves, axis=(0, 2, 3, 4))
+        return Supports(ends, last, present, then, viscous, planes_move, uneven)
 
-    @property
-    def _ahead(self) -> float:
-        """Loading parameter a retardation time ahead, of the supports in the viscous forces."""
-        return self.run.state.parameter + self.viscosity * self.motion.rate
-
-    def _planes_move(self) -> bool:
-        """Return whether a reflection plane moves in the last step, the next, or the retardation
-        time; otherwise its reaction does no work in them.
-        """
-        if not self.run.loading.of_planes:
-            return False
-        parameters = *self._parameters(), self._ahead
-        last, now, *after = map(self.run.loading.plane_motions, parameters)
-        return any((now != other).any() for other in (last, *after))
-
-    def _uneven(self) -> bool:
-        """Return whether supports change velocity between the retardation time before and that
-        after by more than `LEAST_UNEVENNESS`, relatively; approximated forces forget within it.
-        """
-        if self.viscosity == 0:
-            return False
-        account = self.account
-        last = self.motion.at(max(0.0, min(account.rate_time, account.time - self.viscosity)))
-        found = self.run.loading.unevenness(last, self.run.state.parameter, self._ahead)
-        return found > LEAST_UNEVENNESS
-
-    def _powers_of_loads(
-        self, last: float, now: float, following: float, spans: tuple[float, float]
-    ) -> list[float]:
+    def _powers_of_loads(self, parameters: np.ndarray, spans: tuple[float, float]) -> list[float]:
         """Return the power of the loads with the velocities in the last step and in the next, of
         lengths `spans`, at whose ends the loading parameter has the given values.
         """
         run = self.run
         thickness = run.loaded.thickness()
-        places = [run.loading.planes_at(parameter) for parameter in (last, now, following)]
+        places = list(map(run.loading.planes_at, parameters.tolist()))
         of_planes = np.diff(places, axis=0) / np.reshape(spans, (2, 1))
         return [
             run.body.share.total(run.loads.power(run.positions, *velocities, thickness))
             for velocities in zip(self.integrator.velocities_around(), of_planes, strict=True)
         ]
 
-    def advance(self, reactions: Reactions, evaluate: bool) -> None:
+    def advance(
+        self, reactions: Reactions, evaluate: bool, supports: Supports | None = None
+    ) -> None:
         """Add to the account the work of supports and loads, and the energy dissipated by damping
         and lost with broken bonds, since the last call, one time step ago.
 
@@ -268,20 +301,84 @@ class Bookkeeping:
         """
         account = self.account
         integrator = self.integrator
-        course = self.run.loading.course
         # At the start the account is empty, and no time has passed: the step has no other length.
         elapsed = account.time - account.rate_time
         spans = elapsed or 1.0, integrator.next_step()
-        last, now, following = parameters = self._parameters()
-        of_loads = self._powers_of_loads(*parameters, spans) if self.run.loads else [0.0, 0.0]
-        elastic, by_viscosity = reactions, 0.0
+        supports = supports or self.supports([account.time], spans[1])
+        of_loads = [0.0, 0.0]
+        if self.run.loads:
+            of_loads = self._powers_of_loads(supports.parameters, spans)
+        elastic = reactions
         if self.viscosity > 0:
             if evaluate:
                 self._judge(integrator.find_elastic())
             elastic = self._elastic_reactions(reactions, evaluate)
-            by_viscosity = self._power_by_viscosity(reactions, elastic)
-        balance = integrator.balance()
-        ended, begun = course.work(elastic, last, now), course.work(elastic, now, following)
+        works = self._works(reactions, elastic, supports)
+        self._add(account.time, spans[1], *works[0], integrator.balance(), of_loads)
+
+    def _works(
+        self, reactions: Reactions, elastic: Reactions, supports: Supports
+    ) -> list[list[float]]:
+        """Return, for each end of a step, the works of the `elastic` reactions in this step and in
+        the next, and the power of the viscous part of the reactions, all of which viscosity
+        dissipates.
+
+        Viscous forces are those of supports that move from their present places to those a
+        retardation time ahead (`ExplicitDynamics`), also where they begin or cease to move within
+        that time: their power is that with this velocity.
+        """
+        works = self.run.loading.course.works
+        now = supports.now
+        found = np.zeros((3, len(supports.uneven)))
+        found[0] = works(elastic, supports.last, now)
+        found[1] = works(elastic, now, supports.following)
+        if self.viscosity > 0:
+            all_forces, of_elastic = (
+                works(one, now, supports.ahead) for one in (reactions, elastic)
+            )
+            found[2] = (all_forces - of_elastic) / self.viscosity
+        return found.T.tolist()
+
+    def add_steps(
+        self, times: list[float], spans: np.ndarray, taken: Taken, supports: Supports
+    ) -> None:
+        """Add steps to the account that end at `times` (k,), with their `spans` (k, 4) as of
+        `StepRuns`; elastic forces are approximated.
+        """
+        account = self.account
+        loading = self.run.loading
+        reactions = Reactions(loading, -taken.on_points, taken.on_planes)
+        elastic = reactions
+        if self.viscosity > 0:
+            on_planes = taken.on_planes
+            if on_planes is not None:
+                on_planes = np.empty_like(on_planes)
+                for share, now, found in zip(spans[:, 3], taken.on_planes, on_planes, strict=True):
+                    account.on_planes = found[:] = _followed(share, account.on_planes, now)
+            else:
+                account.on_planes = account.levers = None
+            elastic = Reactions(loading, -taken.elastic, on_planes)
+        works = self._works(reactions, elastic, supports)
+        for time, following, work, balance in zip(
+            times, spans[:, 2].tolist(), works, taken.balances, strict=True
+        ):
+            self._add(time, following, *work, balance)
+
+    def _add(
+        self,
+        time: float,
+        following: float,
+        ended: float,
+        begun: float,
+        by_viscosity: float,
+        balance: Balance,
+        of_loads: Sequence[float] = (0.0, 0.0),
+    ) -> None:
+        """Add to the account the step that ends at a time, before a `following` one of a length;
+        works and powers as of `_works` and `_powers_of_loads`.
+        """
+        account = self.account
+        elapsed = time - account.rate_time
         powers = account.power + by_viscosity + of_loads[0]
         account.work += 0.5 * (ended + elapsed * powers)
         account.damped_energy += (
@@ -289,23 +386,9 @@ class Bookkeeping:
         )
         if elapsed > 0 and self.run.damage is not None:
             account.released_energy += balance.arriving - balance.leaving
-        account.power = begun / spans[1] + by_viscosity + of_loads[1]
+        account.power = begun / following + by_viscosity + of_loads[1]
         account.damped_power = by_viscosity + balance.taken_after
-        account.rate_time = account.time
-
-    def _power_by_viscosity(self, reactions: Reactions, elastic: Reactions) -> float:
-        """Return the power of the viscous part of the reactions of supports, all of which
-        viscosity dissipates.
-
-        Viscous forces are those of supports that move from their present places to those a
-        retardation time ahead (`ExplicitDynamics`), also where they begin or cease to move within
-        that time: their power is that with this velocity.
-        """
-        work = self.run.loading.course.work
-        all_forces, of_elastic = (
-            work(one, self.run.state.parameter, self._ahead) for one in (reactions, elastic)
-        )
-        return (all_forces - of_elastic) / self.viscosity
+        account.rate_time = time
 
     def _judge(self, power: float) -> None:
         """Find from the power of an error of the approximated elastic forces whether to evaluate
@@ -322,7 +405,11 @@ class Bookkeeping:
             self.run.damage is None or not steps or account.last_break == integrator.steps
         ):  # the error contains forces of broken bonds
             return
-        in_step = integrator.last_step * abs(power) / (1 - (1 - integrator.followed) ** steps)
+        in_step = (
+            integrator.last_step
+            * abs(power)
+            / (1 - (1 - integrator.followed_in(integrator.last_step)) ** steps)
+        )
         account.drift += (steps - 1) * in_step
         if (
             account.drift + STEPS_PER_ROW * in_step
@@ -342,9 +429,9 @@ class Bookkeeping:
         on_points = self.integrator.elastic_with_loads()
         found = support_reactions(run.loading, run.loaded, on_points, moving and evaluated)
         if moving and not evaluated:
-            share = self.integrator.followed
+            share = self.integrator.followed_in(self.integrator.last_step)
             followed = (
-                None if now is None else (1 - share) * np.asarray(old) + share * now
+                None if now is None else _followed(share, old, now)
                 for old, now in (
                     (account.on_planes, held.on_planes),
                     (account.levers, held.levers),
@@ -406,6 +493,11 @@ class Bookkeeping:
             put_in = max(account.most_put_in, self._rounding)
             words = _words_for_gap(self.run, account.gap, put_in)
             raise Diverging(f"time {account.time:.4g}: {words}")
+
+
+def _followed(share: float, old: np.ndarray | list, now: np.ndarray) -> np.ndarray:
+    """Return the part of reactions that is due to elastic forces, as `ExplicitDynamics.elastic`."""
+    return (1 - share) * np.asarray(old) + share * now
 
 
 def entries_of(

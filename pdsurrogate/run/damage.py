@@ -50,6 +50,8 @@ class Damage:
     ----------
     broken : ndarray of bool, shape (n_pairs,)
         True for pairs (undirected bonds) that have broken.
+    search : BoundPass
+        Pass that returns the number of overstretched pairs.
     recent : ndarray of int, shape (n_pairs,)
         For pairs that broke since the last output, the number of the event (call of `break_bonds`)
         in which they broke, rising with time; 0 for other pairs.
@@ -83,8 +85,8 @@ class Damage:
             self._found,
             self._counts,
         )
-        self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
-        self._search = Chain(self._find)
+        self.search = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
+        self._run_search = Chain(self.search)
         one, other = body.bonds.cut.T
         self._whole = _by_points(body, bonds.first, bonds.second, self._weights)
         self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
@@ -98,8 +100,8 @@ class Damage:
         positions : ndarray, shape (n + m, d)
             Positions of the points and of their images in reflection planes (ghosts).
         """
-        self._find.give("positions", positions)
-        if not any(self._search()):
+        self.search.give("positions", positions)
+        if not any(self._run_search()):
             return self._found[:0]
         chunks = len(self._counts)
         blocks = len(self._limits) // BLOCK

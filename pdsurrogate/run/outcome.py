@@ -63,16 +63,17 @@ def result_of(
     bonds = run.body.bonds
     stress = run.problem.measures.nominal_stress
     # without bonds to images; an undirected bond counts at each end
-    within = bonds.second < len(run.body)
-    ends = np.concatenate([bonds.first[within], bonds.second[within]])
-    directed = share.total(int(share.own[ends].sum()))
+    to_images = np.count_nonzero(share.own[bonds.first[bonds.second >= len(run.body)]])
+    directed = share.total(int(np.diff(bonds.pointers)[share.own].sum() - to_images))
     summary = {
         **run.problem.describe(),
         "force": run.contents["force"],
         "plane": force.plane,
         "thickness": 1.0,
         "n_points": share.size,
-        "n_bonds": share.total(int(share.own[bonds.first].sum())),
+        "n_bonds": share.total(
+            int(np.diff(bonds.pairs_of_points[0])[: len(run.body)][share.own].sum())
+        ),
         "n_directed_bonds": directed,
         "n_ghost_points": share.total(int(share.own[run.body.ghosts.source].sum())),
         "spacing": run.body.spacing,

@@ -215,9 +215,14 @@ class Run(System):
     def record(self, time: float = 0.0) -> None:
         """Store the fields of the present state, at a `time` since the stage began."""
         damage = None if self.damage is None else self.damage.at_points()
-        fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
-        if not self._in_pieces:
-            fields = {name: self.body.share.gather(values) for name, values in fields.items()}
+        state = measures.PointState(self.force, self.positions, damage)
+        share = self.body.share
+        gathers = share.divided and not self._in_pieces
+        parts = measures.fields_by_part(state, len(self.body) if gathers else self.states.part)
+        if gathers:
+            parts = (
+                {name: share.gather(values) for name, values in fields.items()} for fields in parts
+            )
         equilibria = sum("time" not in level for level in self.state.levels)
         since = self.state.elapsed + time
         moment = Moment(
@@ -228,7 +233,7 @@ class Run(System):
             }
         )
         self._count_beyond_data(moment)
-        self.states.append(moment, fields)
+        self.states.append(moment, parts)
         self.keep_tables(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:

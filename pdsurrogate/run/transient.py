@@ -12,13 +12,16 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
+from ..solvers.bond_strains import NONE
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
 from ..solvers.reactions import support_reactions
+from ..solvers.step_runs import can_run
 from .account import STEPS_PER_ROW, Bookkeeping
 from .checkpoints import Checkpoints
 from .interruption import Interrupted
+from .quick_steps import QuickSteps
 from .rows import (
     component_columns,
     crack_rows,
@@ -82,12 +85,17 @@ class Transient:
             viscosity=self.viscosity,
             safety=spec.safety,
             loads=run.loads,
+            broken=NONE if run.damage is None else run.damage.broken,
         )
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity)
         self.account = self._books.account
         self._cracks = (
             None if run.damage is None else RunningCracks(run, self.integrator, self.account)
         )
+        self._quick = None
+        if can_run(run.loaded, run.loading) and run.problem.strengths is None:
+            search = None if run.damage is None else run.damage.search
+            self._quick = QuickSteps(run, self.integrator, self._books, search, STEPS_PER_ROW)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the dynamics that a checkpoint contains, by name."""
@@ -230,19 +238,20 @@ class Transient:
         return False
 
     def step(self) -> None:
-        """Advance the body by one time step: move points and held parts, evaluate the forces,
-        and break overstretched bonds.
+        """Advance the body by one time step, after those that need no Python: move points and held
+        parts, evaluate the forces, and break overstretched bonds.
         """
         run = self.run
         account = self.account
         integrator = self.integrator
-        left = self._time_due(account.outputs) - account.time
-        integrator.move()
-        account.time = (
-            self._time_due(account.outputs)
-            if integrator.last_step == left
-            else account.time + integrator.last_step
-        )
+        due = self._time_due(account.outputs)
+        moved = None if self._quick is None else self._quick.take(due)
+        left = due - account.time
+        if moved is None:
+            integrator.move()
+        else:
+            integrator.moved(moved)
+        account.time = due if integrator.last_step == left else account.time + integrator.last_step
         run.state.steps += 1
         ended = account.time >= self.motion.duration
         # without rounding at the end

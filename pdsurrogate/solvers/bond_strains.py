@@ -7,12 +7,15 @@ import numpy as np
 from ..body import Body
 from ..body.body import lengths_of
 from ..forces import InternalForce
-from ..kernels.steps import greatest_strain
+from ..kernels.steps import greatest_change_of_length, greatest_strain
 
 RESOLVED = 1000
 """Greatest bond strain, divided by the strain that rounding of positions causes, at which a body
 counts as undeformed: such strains have errors above 0.1 %.
 """
+
+NONE = np.zeros(0, dtype=bool)
+"""Flags of broken pairs where no pair is broken."""
 
 
 def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)) -> np.ndarray:
@@ -21,42 +24,33 @@ def bond_stretches(body: Body, positions: np.ndarray, pairs: slice = slice(None)
 
     `pairs` chooses among all pairs of the body, of which those with a ghost are omitted.
     """
-    deformed, at_rest = _bond_lengths(body, pairs, positions, body.points)
-    return deformed / at_rest
-
-
-def _bond_lengths(body: Body, pairs: slice, *places: np.ndarray) -> list[np.ndarray]:
-    """Return the lengths of those of some `pairs` without a ghost, where the points are at each
-    of `places` (n, d).
-    """
     first = body.bonds.first[pairs]
     second = body.bonds.second[pairs]
     within = second < len(body)
     first = first[within]
     second = second[within]
-    return [lengths_of(there[second] - there[first]) for there in places]
+    deformed, at_rest = (lengths_of(at[second] - at[first]) for at in (positions, body.points))
+    return deformed / at_rest
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond from positions `before` to `after`,
     divided by its undeformed length.
     """
-    greatest = []
-    for part in body.bonds.slabs():
-        old, new, at_rest = _bond_lengths(body, part, before, after, body.points)
-        greatest.append(np.abs((new - old) / at_rest).max(initial=0.0))
-    return float(np.max(greatest))
+    ends = body.bonds.first, body.bonds.second
+    return greatest_change_of_length(before, after, body.points, *ends)
 
 
-def strain_of_step(body: Body, step: np.ndarray) -> float:
+def strain_of_step(body: Body, step: np.ndarray, broken: np.ndarray = NONE) -> float:
     """Return the greatest relative displacement of two bonded points, in any component, divided by
     the length of their undeformed bond.
 
-    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place.
+    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place. Pairs
+    with a flag in `broken` do not count.
     """
     body.share.fill(step)
     return body.share.greatest(
-        greatest_strain(step, body.points, body.bonds.first, body.bonds.second)
+        greatest_strain(step, body.points, body.bonds.first, body.bonds.second, broken)
     )
 
 

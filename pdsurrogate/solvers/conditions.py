@@ -2,6 +2,9 @@
 loading.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from functools import cached_property, lru_cache, partial
 from typing import NamedTuple
 
@@ -73,6 +76,9 @@ class Loading:
         Numbers of the planes that turn.
     supports : list of Support
         Supports at places between points.
+    motions, motions_at : callable
+        ``motions(parameters)`` returns the `Motions` at values (k,) of the parameter,
+        ``motions_at(parameter)`` those at one value.
     course : Paths
         Object that computes first guesses, initial velocities and the power of supports; set by the
         caller after construction.
@@ -119,7 +125,7 @@ class Loading:
         self.there = self.point[self.at_points], self.component[self.at_points]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
-        self._places_there = body.points[self.there]
+        self.places_there = body.points[self.there]
         of_points = self.part[self.at_points], self.component[self.at_points]
         turn = any(part.angle is not None for part in self.of_points)
         of_planes = np.zeros((len(planes), body.dimension), dtype=int)
@@ -128,9 +134,10 @@ class Loading:
                 of_planes[part.plane, part.components] = number
         of_planes = of_planes[self.plane_components], *np.nonzero(self.plane_components)
         places = self.place[self.at_points] if turn else None
-        self._motions = lru_cache(maxsize=MOST_MOTIONS)(
-            partial(_motions_at, held, len(planes), body.dimension, of_planes, of_points, places)
+        self.motions = partial(
+            _motions_at, held, len(planes), body.dimension, of_planes, of_points, places
         )
+        self.motions_at = lru_cache(maxsize=MOST_MOTIONS)(partial(_first, self.motions))
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
         """Return the number of connected pieces of the body, and the number of the piece of every
@@ -142,9 +149,8 @@ class Loading:
             True for the bonds that connect points; all by default.
         """
         bonds = self.body.bonds
-        n = len(self.body)
-        within = bonds.second < n if intact is None else (bonds.second < n) & intact
-        return self._share.pieces(bonds.first[within], bonds.second[within])
+        ends = (bonds.first, bonds.second)
+        return self._share.pieces(*(ends if intact is None else (end[intact] for end in ends)))
 
     def at(self, parameter: float) -> str:
         """Return a value of the loading parameter with its name, as text for messages."""
@@ -158,17 +164,11 @@ class Loading:
         undeformed body in the same motions.
         """
         return _moves(
-            self._motions(parameter).of_parts,
+            self.motions_at(parameter).of_parts,
             self.part,
             self.component,
             self.place if places is None else places,
         )
-
-    def moves_of_points(self, parameter: float) -> np.ndarray:
-        """Return the part of `moves` that belongs to held points (True in `at_points`), not to
-        be changed.
-        """
-        return self._motions(parameter).of_points
 
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all reflection planes at a value of the loading parameter, shape
@@ -177,7 +177,7 @@ class Loading:
         A motion is the matrix [Q - I, c] of a rotation Q and a translation c (see `Held`), with 0
         in free components. The array is not to be changed.
         """
-        return self._motions(parameter).of_planes
+        return self.motions_at(parameter).of_planes
 
     def planes_at(self, parameter: float) -> np.ndarray:
         """Return the positions of planes of symmetry at a value of the loading parameter, see
@@ -239,8 +239,8 @@ class Loading:
         """Move held points, in `positions`, and reflection planes, in `force`, to their places
         at a value of the loading parameter.
         """
-        motions = self._motions(parameter)
-        positions[self.there] = self._places_there + motions.of_points
+        motions = self.motions_at(parameter)
+        positions[self.there] = self.places_there + motions.of_points
         for support in self.supports:
             support.set(parameter)
             support.place(positions)
@@ -248,24 +248,19 @@ class Loading:
             force.move_planes(motions.of_planes)
             self.loads.planes[:] = self.planes_at(parameter)
 
-    def unevenness(self, last: float, now: float, ahead: float) -> float:
-        """Return how much the rate of the prescribed motions changes between two increments, `last`
-        to `now` and `now` to `ahead`.
-
-        The change is the greatest difference between the prescribed displacements from `now` to
-        `ahead` and those extrapolated linearly from the increment before, divided by the greatest
-        of all these displacements; it is 0 at a constant rate.
+    def changes_of_rate(
+        self, before: Motions, present: Motions, after: Motions, ratio: np.ndarray
+    ) -> list[np.ndarray]:
+        """Return the greatest differences (k,) between prescribed displacements from `present` to
+        `after` and those extrapolated from the time before, `ratio` (k, 1) times as long; and the
+        greatest of each. In a divided body there is one time.
         """
-        if now == last:
-            return 0.0
-        before, present, after = (self._motions(t).of_all for t in (last, now, ahead))
-        way = after - present
-        evenly = (present - before) * ((ahead - now) / (now - last))
-        off, *ways = (
-            self._share.greatest(float(np.abs(change).max(initial=0.0)))
-            for change in (way - evenly, way, evenly)
-        )
-        return off / max(ways) if off > 0 else 0.0
+        way = after.of_all - present.of_all
+        evenly = (present.of_all - before.of_all) * ratio
+        found = [np.abs(one).max(axis=1, initial=0.0) for one in (way - evenly, way, evenly)]
+        if self._share.divided:
+            found = [np.array([self._share.greatest(one)]) for one in found]
+        return found
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point has crossed a reflection plane to the side of its own image, and that
@@ -329,9 +324,11 @@ class Loading:
         """Raise Obstructed if an obstacle has entered the part of the boundary that a bonded
         plane or held boundary prescribes.
         """
+        if not self.loads.obstacles or max(plane.parity) > 0:
+            return
         feet, depths = plane.mirrored(self.body.points)
         feet = feet[depths < self.body.cell.max()]
-        for obstacle in self.loads.obstacles if max(plane.parity) < 0 else ():
+        for obstacle in self.loads.obstacles:
             gaps, _ = obstacle.gaps(feet + displaced(motion, feet))
             deepest = self.body.share.greatest(np.maximum(-gaps, 0.0))
             if deepest > TOUCHING * self.body.spacing:
@@ -419,14 +416,15 @@ class Loading:
             )
         sums = self._share.total(sums)
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
-        for part in self.of_planes:
+        motions = self.motions_at(parameter).of_parts
+        for part, motion in zip(self.held, motions, strict=True):
+            if part.plane is None:
+                continue
             plane = self.body.planes[part.plane]
             middle = places[part.holder].copy()
             if plane.axis is not None:
                 middle[plane.axis] = plane.position
-            found[part.holder, part.components] = displaced(part.motion(parameter), middle)[
-                list(part.components)
-            ]
+            found[part.holder, part.components] = displaced(motion, middle)[list(part.components)]
         return found
 
     @cached_property
@@ -448,15 +446,25 @@ class Loading:
         return self._by_holder(near)
 
 
-class _Motions(NamedTuple):
-    """Motions of all held parts (parts, d, d + 1) and of all planes (planes, d, d + 1),
-    `Loading.moves_of_points`, and both of the latter in one vector, at one time.
+class Motions(NamedTuple):
+    """Motions of all held parts (..., parts, d, d + 1) and of all planes (..., planes, d, d + 1),
+    and the part (..., k) of `Loading.moves` that belongs to held points, at one or several values
+    of the parameter.
     """
 
     of_parts: np.ndarray
     of_planes: np.ndarray
     of_points: np.ndarray
-    of_all: np.ndarray
+
+    @property
+    def of_all(self) -> np.ndarray:
+        """Motions of points and planes in one vector (..., k)."""
+        planes = self.of_planes.reshape(*self.of_points.shape[:-1], -1)
+        return np.concatenate([self.of_points, planes], axis=-1)
+
+    def at(self, rows) -> Motions:
+        """Return the motions at some of the values."""
+        return Motions(*(array[rows] for array in self))
 
 
 def _motions_at(
@@ -466,31 +474,35 @@ def _motions_at(
     components_of_planes: tuple[np.ndarray, ...],
     components_of_points: tuple[np.ndarray, ...],
     places: np.ndarray | None,
-    parameter: float,
-) -> _Motions:
-    """Return the motions of held parts and planes, and the moves of held points, at a value of the
-    parameter.
+    parameters: np.ndarray,
+) -> Motions:
+    """Return the motions of held parts and planes, and the moves of held points, at values (k,) of
+    the parameter.
 
     The held components of planes are given by parts, planes and components, those of points by
     parts, components and, unless all points move without turning, undeformed `places`.
     """
-    motions = np.zeros((len(held), dimension, dimension + 1))
-    for part, motion in zip(held, motions, strict=True):
-        motion[:] = part.motion(parameter)
-    of_planes = np.zeros((planes, dimension, dimension + 1))
+    count = len(parameters)
+    motions = np.zeros((count, len(held), dimension, dimension + 1))
+    for number, part in enumerate(held):
+        motions[:, number] = part.motion(parameters)
+    of_planes = np.zeros((count, planes, dimension, dimension + 1))
     part, *there = components_of_planes
-    of_planes[*there] = motions[part, there[1]]
+    of_planes[:, *there] = motions[:, part, there[1]]
     parts, components = components_of_points
     of_points = (
-        motions[parts, components, -1]
+        motions[:, parts, components, -1]
         if places is None
         else _moves(motions, parts, components, places)
     )
-    of_all = np.concatenate([of_points, of_planes.ravel()])
-    found = _Motions(motions, of_planes, of_points, of_all)
+    found = Motions(motions, of_planes, of_points)
     for array in found:
         array.flags.writeable = False
     return found
+
+
+def _first(motions: Callable[[np.ndarray], Motions], parameter: float) -> Motions:
+    return motions(np.array([parameter])).at(0)
 
 
 def _moves(
@@ -499,5 +511,5 @@ def _moves(
     """Return the displacements (k,) of `components` (k,) of `places` (k, d) of the undeformed
     body, each in the motion of a part.
     """
-    rows = motions[parts, components]
-    return (rows[:, :-1] * places).sum(axis=1) + rows[:, -1]
+    rows = motions[..., parts, components, :]
+    return (rows[..., :-1] * places).sum(axis=-1) + rows[..., -1]

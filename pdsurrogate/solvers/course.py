@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.body import sums_at_points
 from .bond_strains import greatest_bond_strain
-from .conditions import Loading
+from .conditions import Loading, Motions
 from .equilibrium import TooFar
 from .increments import Motion
 from .loaded_force import LoadedForce
@@ -198,31 +198,38 @@ class Paths:
         """Return the work of all supports on the body at constant reactions, in two dimensions per
         unit thickness, while the loading parameter changes from one value to another.
         """
+        return float(self.works(reactions, *map(self._loading.motions_at, (before, after))))
+
+    def works(self, reactions: Reactions, old: Motions, new: Motions) -> float | np.ndarray:
+        """Return the work as of `work`, from motions at one value of the parameter to those at
+        another, or, of arrays with further axes, that of each step.
+        """
         loading = self._loading
         found = 0.0
         if loading.of_points:
-            moves = loading.moves_of_points(after) - loading.moves_of_points(before)
+            moves = new.of_points - old.of_points
             if loading.supports:  # each point around a place carries the reaction at the held one
                 counts = np.array([part.count for part in loading.held])
                 moves = counts[loading.part[loading.at_points]] * moves
-            found = self._share.total(float((reactions.at_held * moves).sum()))
+            found = self._share.total((reactions.at_held * moves).sum(axis=-1))
         if reactions.on_planes is None:
             return found
-        return found + self._work_of_planes(reactions, before, after)
+        return found + self._work_of_planes(reactions, old.of_planes, new.of_planes)
 
-    def _work_of_planes(self, reactions: Reactions, before: float, after: float) -> float:
-        old = self._loading.plane_motions(before)
-        changes = self._loading.plane_motions(after) - old
-        shifts = changes[:, :, -1]
+    def _work_of_planes(
+        self, reactions: Reactions, old: np.ndarray, new: np.ndarray
+    ) -> float | np.ndarray:
+        changes = new - old
+        shifts = changes[..., -1]
         work = 0.0
         if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
             by_place = np.linalg.solve(
-                (np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT
+                (np.eye(self.body.dimension) + old[..., :-1]).mT, changes[..., :-1].mT
             ).mT
-            shifts = shifts - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
-            work = float((reactions.levers * by_place).sum())
-        return work + float((reactions.on_planes * shifts).sum())
+            shifts = shifts - np.einsum("...rc,...c->...r", by_place, old[..., -1])
+            work = _sums(reactions.levers * by_place, 3)
+        return work + _sums(reactions.on_planes * shifts, 2)
 
     def pushes(self, force: LoadedForce, least: float = 0.0) -> bool:
         """Return whether grips push in the state last evaluated, with more than the force `least`,
@@ -465,3 +472,8 @@ def _normal(directions: np.ndarray) -> np.ndarray:
         if directions.shape[1] == 2
         else np.cross(*directions)
     )
+
+
+def _sums(products: np.ndarray, axes: int) -> float | np.ndarray:
+    """Return the sums over so many last axes, each taken in the same order."""
+    return products.reshape(*products.shape[:-axes], -1).sum(axis=-1)

@@ -12,7 +12,14 @@ from ..engine.block_arrays import BLOCK
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..forces import InternalForce
-from ..kernels.steps import central_difference_step, energies_of_step
+from ..kernels.steps import (
+    central_difference_step,
+    energies_of_step,
+    follow,
+    look_ahead,
+    take_step,
+)
+from .bond_strains import NONE, strain_of_step
 from .equilibrium import Diverging
 from .loaded_force import LoadedForce
 from .loads import Loads
@@ -24,11 +31,20 @@ on sheets of up to 7,500 points. The estimate of bodies that may break is not in
 it comes from above.
 """
 
+LEAST_SHARE = 0.9
+"""Time step over the one before, below which the estimate is confirmed by one further iteration
+while no bonds break. Chosen: where phases of short waves change, the quotient of a point is up to
+1.8 times the highest frequency for one iteration.
+"""
 
 MOST_TRAVEL = 0.5
-"""Greatest displacement of a point in one time step, in spacings. Chosen: two points that meet
-cannot pass each other in one step. Waves move points by less, but material that unloads behind the
-last bonds of a crack could otherwise move past the bonds that should stop it.
+"""Displacement of a point in one time step, in spacings, up to which any step is allowed. In a
+longer one no two bonded points move further towards or from each other, over the length of their
+bond, and beside obstacles no point.
+
+Chosen: two points that meet cannot pass each other in one step. Waves move points by less, but
+material that unloads behind the last bonds of a crack could otherwise move past the bonds that
+should stop it.
 """
 
 
@@ -90,11 +106,16 @@ class ExplicitDynamics:
         Time step divided by the critical one, at most 1.
     loads : Loads, optional
         Loads, which the caller sets to their present size before each step.
+    broken : ndarray of bool, shape (n_pairs,), optional
+        Flags of the pairs that the caller has broken.
 
     Attributes
     ----------
     forces : ndarray, shape (n, d)
         Forces that move the body, including loads.
+    take, look, follow, find_energies : BoundPass
+        Passes of a step: of the motion, of the positions `ahead` by the viscosity, of `elastic`,
+        and of `sums`, by the `spans` of the step.
     elastic : ndarray, shape (n, d)
         Estimate f_e of the internal forces at y, without viscous part and without loads, if there
         is viscosity; otherwise 0. It is integrated from the forces f at y + tau v by f_e + tau
@@ -104,14 +125,14 @@ class ExplicitDynamics:
         Stable time step, which decreases where the body stiffens; it increases again only where
         bonds may break.
     last_step : float
-        Length of the last step, shorter where a point would have moved too far.
+        Length of the last step, shorter where points would have moved too far.
     longest : float
         Greatest length of the next step, set by the caller.
     """
 
     # Without breaking bonds the tangent changes over the time in which a wave crosses many
-    # horizons.
-    STEPS_BETWEEN_ESTIMATES = 50
+    # horizons. In every second row of the history, where steps need Python anyway.
+    STEPS_BETWEEN_ESTIMATES = 40
     # Beside bonds that break rubber retracts and loses neighbors: its frequency doubled within six
     # steps; a wave crosses no bond in two.
     STEPS_WHILE_BONDS_BREAK = 2
@@ -129,6 +150,7 @@ class ExplicitDynamics:
         viscosity: float,
         safety: float,
         loads: Loads | None = None,
+        broken: np.ndarray = NONE,
     ) -> None:
         self.force = force
         self._hold = hold
@@ -137,32 +159,41 @@ class ExplicitDynamics:
         self.free = free
         self.mass = mass
         self._damping = damping
-        self._viscosity = viscosity
+        self.viscosity = viscosity
         self._safety = safety
         self._loaded = LoadedForce(force, loads) if loads else force
         self._loads = loads
         self._applied = np.empty_like(positions) if loads else None
         self._contact = loads.greatest_frequency(mass) if loads else 0.0
         self._share = force.body.share
-        self._ahead = np.empty_like(positions)
+        self.ahead = np.empty_like(positions)
         self.elastic = np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share, everywhere=force.breakable)
         self.forces = np.empty_like(positions)
         self._kicks = None
+        self._broken = broken
         self._fastest: float | None = None
+        self._strained: float | None = None
         self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
-        self._steps = np.zeros(2)
-        self._sums = np.zeros((-(-len(positions) // BLOCK), len(Balance.__annotations__)))
-        moved = velocities, velocities, self.forces, self.forces, free, mass
-        self._find_energies = energies_of_step.bind(
-            *moved,
-            float(damping),
-            self._steps,
-            self._sums,
-            chunks=chunks_of(len(force.body.bonds.first)),
+        # Lengths of the last step, of the step before and of the next, and `followed`.
+        self.spans = np.zeros(4)
+        self.sums = np.zeros((-(-len(positions) // BLOCK), len(Balance.__annotations__)))
+        chunks = chunks_of(len(force.body.bonds.first))
+        moved = velocities, self.forces, free, mass, float(damping), self.spans
+        self._most = MOST_TRAVEL * force.body.spacing
+        fastest = np.zeros(chunks.number)
+        self.take = take_step.bind(positions, *moved, self._most, fastest, chunks=chunks)
+        self.find_energies = energies_of_step.bind(
+            velocities, *moved, self.elastic, self.sums, chunks=chunks
         )
-        self._run_energies = Chain(self._find_energies)
+        self.look = look_ahead.bind(
+            positions, velocities, float(viscosity), self.ahead, chunks=chunks
+        )
+        self.follow = follow.bind(self.forces, self.spans, self.elastic, chunks=chunks)
+        self._take, self._run_energies, self._look, self._follow = map(
+            Chain, (self.take, self.find_energies, self.look, self.follow)
+        )
 
     def begin(self) -> None:
         """Compute the stable time step and the forces at the initial positions.
@@ -189,41 +220,37 @@ class ExplicitDynamics:
                 f"there is no time step: the highest frequency of the body is {frequency:.3g}"
             )
         # Damping ratio of the highest mode: in an explicit scheme viscosity reduces its stability.
-        ratio = 0.5 * self._viscosity * frequency
+        ratio = 0.5 * self.viscosity * frequency
         step = self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio)
         # A power iteration may leave out places that were stiff before.
         self.time_step = step if self.force.breakable else min(self.time_step, step)
 
-    def _evaluate(self, follow: bool = False) -> None:
-        """Evaluate the forces; with `follow` also limit the time step, by the tangent at the
-        same places as the forces.
+    def _evaluate(self, follow: bool = False, confirm: bool = False) -> None:
+        """Evaluate the forces; with `follow` also limit the time step, by the tangent at the same
+        places as the forces, and `confirm` it where it becomes shorter.
         """
         places = self.positions
-        if self._viscosity > 0:
-            places = self._ahead
-            np.multiply(self.velocities, self._viscosity, out=places)
-            places += self.positions
-            self._hold(places, self._viscosity)
+        if self.viscosity > 0:
+            places = self.ahead
+            self._look()
+            self._hold(places, self.viscosity)
         if follow:
+            before = self.time_step
             self.limit(self.frequency.follow(self.force, places, self.forces))
+            if confirm and self.time_step < LEAST_SHARE * before:
+                self.limit(self.frequency.follow(self.force, places, self.forces))
         else:
             self.force(places, self.forces)
-        if self._viscosity > 0:
-            self._follow_elastic()
+        if self.viscosity > 0:
+            self.spans[3] = self.followed_in(self.last_step)
+            self._follow()
         self._add_loads()
 
-    def _follow_elastic(self) -> None:
-        """Advance `elastic` by the forces that were just evaluated ahead of the positions."""
-        change = np.subtract(self.forces, self.elastic, out=self._ahead)
-        change *= self.followed
-        self.elastic += change
-
-    @property
-    def followed(self) -> float:
-        """Fraction of the difference between the forces ahead of the positions and `elastic`
-        that is added to `elastic` in a step.
+    def followed_in(self, step: float) -> float:
+        """Return the fraction of the difference between the forces ahead of the positions and
+        `elastic` that is added to `elastic` in a step of a length.
         """
-        return self.last_step / (self.last_step + self._viscosity)
+        return step / (step + self.viscosity) if self.viscosity > 0 else 1.0
 
     def evaluate_at_rest(self) -> None:
         """Evaluate the forces, including loads, at the present positions without viscous part,
@@ -276,10 +303,17 @@ class ExplicitDynamics:
         at the new positions.
         """
         step = self.next_step()
-        self._step(self.positions, self.velocities, step)
+        self.spans[:3] = step, self.last_step, 0.0
+        self._take()
+        self.moved(step)
+
+    def moved(self, step: float, times: int = 1) -> None:
+        """Take notice of steps in which velocities and positions have advanced, the last of a
+        length.
+        """
         self.last_step = step
         self.force.elapse(step)
-        self.steps += 1
+        self.steps += times
         self._kicks = self._fastest = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
@@ -291,14 +325,21 @@ class ExplicitDynamics:
 
     def next_step(self) -> float:
         """Return the length of the next time step: stable, at most `longest`, and such that no
-        point moves farther than `MOST_TRAVEL`.
+        points move farther than `MOST_TRAVEL`.
         """
         fastest = self._fastest
         if fastest is None:
             fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
             self._fastest = fastest
+            self._strained = None
         step = min(self.time_step, self.longest)
-        return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
+        if fastest * step <= self._most:
+            return step
+        if self._loads and self._loads.obstacles:
+            return self._most / fastest
+        if self._strained is None:
+            self._strained = strain_of_step(self.force.body, self.velocities.copy(), self._broken)
+        return min(step, max(self._most / fastest, MOST_TRAVEL / max(self._strained, 1e-300)))
 
     def kick(self, forces: np.ndarray) -> None:
         """Add to the velocities the impulse over half a step of `forces` (n, d) of all bonds that
@@ -327,7 +368,7 @@ class ExplicitDynamics:
         before.
         """
         apart = self.STEPS_WHILE_BONDS_BREAK if bonds_break else self.STEPS_BETWEEN_ESTIMATES
-        self._evaluate(self.steps % apart == 0)
+        self._evaluate(self.steps % apart == 0, confirm=not bonds_break)
 
     def velocities_around(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the velocities half a step before the present time and half a step after, shape
@@ -338,7 +379,7 @@ class ExplicitDynamics:
         """
         following = self.velocities.copy()
         # the positions are not used, and the array is free between evaluations
-        self._step(self._ahead, following, self.next_step())
+        self._step(self.ahead, following, self.next_step())
         return self._arriving(), following
 
     def _arriving(self) -> np.ndarray:
@@ -348,12 +389,16 @@ class ExplicitDynamics:
         """Return the kinetic energies at the present time, and the powers that damping and
         viscosity dissipate; viscous forces are `forces` minus the elastic forces and loads.
         """
-        find = self._find_energies
-        find.give("arriving", self._arriving())
-        find.give("elastic", self.elastic_with_loads() if self._viscosity > 0 else self.forces)
-        self._steps[:] = self.last_step, self.next_step()
+        self.give_energies()
+        self.spans[:3] = self.last_step, 0.0, self.next_step()
         self._run_energies()
-        return Balance(*self._share.total(tuple(self._sums.sum(axis=0).tolist())))
+        return Balance(*self._share.total(tuple(self.sums.sum(axis=0).tolist())))
+
+    def give_energies(self) -> None:
+        """Give `find_energies` the arrays of the present step."""
+        self.find_energies.give("arriving", self._arriving())
+        elastic = self.elastic_with_loads() if self.viscosity > 0 else self.forces
+        self.find_energies.give("elastic", elastic)
 
     def elastic_with_loads(self) -> np.ndarray:
         """Return the elastic forces plus the loads on every point at the present positions,

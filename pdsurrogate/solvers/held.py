@@ -27,7 +27,8 @@ class Held:
         Held components.
     motion : callable
         ``motion(parameter)`` returns the matrix [Q - I, c] of a rotation Q and a translation c,
-        shape (d, d + 1): a place X moves by u(X) = (Q - I) X + c. Only held components are read.
+        shape (d, d + 1), at a value of the parameter, or one for each of several values: a place X
+        moves by u(X) = (Q - I) X + c. Only held components are read.
     points : ndarray of int, shape (k,)
         The held points; for a plane the points that have images in it.
     places : ndarray, shape (k, d) or (1, d)
@@ -50,7 +51,7 @@ class Held:
     name: str
     holder: int | None
     components: tuple[int, ...]
-    motion: Callable[[float], np.ndarray]
+    motion: Callable[[float | np.ndarray], np.ndarray]
     points: np.ndarray
     places: np.ndarray
     angle: Callable[[float], float] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -199,9 +199,7 @@ class LatticeMultigrid:
 
 def cycles_of(
     body: Body,
-    ends: tuple[np.ndarray, np.ndarray, np.ndarray],
-    stiffness: np.ndarray,
-    parity: np.ndarray,
+    springs: Callable[[int], Iterator[tuple[np.ndarray, ...]]],
     free: np.ndarray,
     shift: float,
 ) -> Callable[[np.ndarray], np.ndarray] | None:
@@ -211,69 +209,75 @@ def cycles_of(
     Parameters
     ----------
     body : Body
-    ends : tuple of three arrays of int, shape (k,)
-        First and second ends of the springs, and the points at the latter or whose images these
-        are.
-    stiffness : ndarray, shape (k, d)
-        Stiffness against displacements along the axes. Oblique springs do not couple components
-        here.
-    parity : ndarray, shape (k, d)
-        Signs with which second ends follow the points whose images they are.
+    springs : callable
+        ``springs(axis)`` yields the springs part by part, see `NearestBonds.on_axis`. Oblique
+        springs do not couple components here.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     shift : float
         Fraction of the mean diagonal entry that is added to the diagonal.
     """
-    first, second, sources = ends
-    places = np.rint((body.points - body.points.min(axis=0)) / body.cell).astype(np.int64)
+    places = np.rint((body.points - body.points.min(axis=0)) / body.cell).astype(np.int32)
     counts = tuple((places.max(axis=0) + 1).tolist())
-    cells = np.ravel_multi_index(tuple(places.T), counts, order="F")
+    cells = np.ravel_multi_index(tuple(places.T), counts, order="F").astype(np.int32)
     size = math.prod(counts)
     if size > MOST_EMPTY * len(cells) or np.bincount(cells).max() > 1:
         return None
-    image = second >= len(body)
-    steps = places[sources] - places[first]
-    axis = np.abs(body.all_points[second] - body.points[first]).argmax(axis=1)
     cycles = []
-    for along, sign, moving in zip(stiffness.T, parity.T, free.T, strict=True):
-        # The image of another point, and its image of this one, are half a spring each.
-        joined = along * np.where(image, 0.5 * (sign > 0), 1.0)
-        held = along * np.where(sources == first, 1 - sign, sign < 0)
-        grounds = [np.bincount(cells[first], held * (axis == k), size) for k in range(len(counts))]
+    for component, moving in enumerate(free.T):
+        couplings, grounds = np.zeros((2, len(counts), size))
+        for first, second, sources, stiffness, sign in springs(component):
+            image = second >= len(body)
+            start = places[first]
+            steps = places[sources] - start
+            # The image of another point, and its image of this one, are half a spring each.
+            joined = stiffness * np.where(image, 0.5 * (sign > 0), 1.0)
+            add_couplings(start, steps, joined, counts, couplings)
+            ends = np.flatnonzero(np.where(sources == first, sign < 1, sign < 0))
+            first, second, sign = first[ends], second[ends], sign[ends]
+            held = stiffness[ends] * np.where(sources[ends] == first, 1 - sign, 1.0)
+            axis = np.abs(body.all_points[second] - body.points[first]).argmax(axis=1)
+            np.add.at(grounds, (axis, cells[first]), held)
+        shape = counts[::-1]
         lattice = Lattice(
-            couplings_of(places[first], steps, joined, counts),
-            np.reshape(grounds, (-1, *counts[::-1])),
-            np.zeros(counts[::-1]),
-            np.ones(counts[::-1], dtype=bool),
+            couplings.reshape(-1, *shape),
+            grounds.reshape(-1, *shape),
+            np.zeros(shape),
+            np.ones(shape, dtype=bool),
         )
-        moves = lattice.diagonal() > 0  # also empty cells that springs go through
+        diagonal = lattice.diagonal()
+        moves = diagonal > 0  # also empty cells that springs go through
         moves.ravel()[cells] = moving > 0
-        lattice.shifts.ravel()[cells] = shift * lattice.diagonal().mean()
+        lattice.shifts.ravel()[cells] = shift * diagonal.mean()
         cycles.append(LatticeMultigrid(lattice._replace(free=moves)).cycle)
 
     def solve(forces: np.ndarray) -> np.ndarray:
-        columns = (cycle(column, cells) for cycle, column in zip(cycles, forces.T, strict=True))
-        return np.stack(list(columns), axis=1)
+        found = np.empty_like(forces)
+        for component, cycle in enumerate(cycles):
+            found[:, component] = cycle(forces[:, component], cells)
+        return found
 
     return solve
 
 
-def couplings_of(
-    places: np.ndarray, steps: np.ndarray, stiffness: np.ndarray, counts: tuple[int, ...]
-) -> np.ndarray:
-    """Return the couplings of cells (see `Lattice`) for springs between places (k, d) and others,
-    `steps` (k, d) away; one between cells that do not touch becomes springs in series along axes.
+def add_couplings(
+    places: np.ndarray,
+    steps: np.ndarray,
+    stiffness: np.ndarray,
+    counts: tuple[int, ...],
+    out: np.ndarray,
+) -> None:
+    """Add the couplings of cells (see `Lattice`) for springs between places (k, d) and others,
+    `steps` (k, d) away, to `out` (d, cells), and change these arrays in place; a spring between
+    cells that do not touch becomes springs in series along axes.
     """
-    steps = steps.copy()
     stiffness = stiffness * np.abs(steps).sum(axis=1)
-    found = np.zeros((len(counts), math.prod(counts)))
     for axis in range(len(counts)):
         while (moving := np.flatnonzero(steps[:, axis])).size:
             sign = np.sign(steps[moving, axis])
             lower = places[moving]
             lower[:, axis] -= sign < 0
             cells = np.ravel_multi_index(tuple(lower.T), counts, order="F")
-            found[axis] += np.bincount(cells, stiffness[moving], found.shape[1])
+            out[axis] += np.bincount(cells, stiffness[moving], out.shape[1])
             places[moving, axis] += sign
             steps[moving, axis] -= sign
-    return found.reshape(-1, *counts[::-1])

@@ -7,7 +7,7 @@ and affine motions of each part.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 
 import numpy as np
@@ -15,6 +15,7 @@ import scipy
 
 from ..body import Body
 from ..body.body import lengths_of, sums_at_points
+from ..body.bonds import SLAB
 from ..kernels.nearest_bonds import add_unspanned
 from ..ranks import Share
 from .lattice_multigrid import cycles_of
@@ -191,7 +192,7 @@ class NearestBonds:
         self.wide = diagonal or (body.relaxed and body.dimension == 2 and share.size <= MOST_WIDE)
         if isinstance(shear_moduli, np.ndarray):
             shear_moduli = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-        owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
+        owners = np.append(np.arange(len(body), dtype=np.uint32), body.ghosts.source)
         moments = np.zeros(2)  # of all bonds and of the nearest ones
         kept = []
         for slab in bonds.slabs():
@@ -218,34 +219,52 @@ class NearestBonds:
             stiffness = modulus * body.weigh(length) * volumes / body.kappa
             moment = stiffness * length**2 * share.own[first]
             moments += moment.sum(), moment[near].sum()
-            ends = first[near].astype(np.int64), second[near].astype(np.int64)
+            ends = first[near], second[near], owners[second[near]]
             kept.append((*ends, stiffness[near], vector[near] / length[near, None]))
-        self.first, self.second, stiffness, self._along = map(
+        self.first, self.second, self.sources, self._stiffness, self._along = map(
             np.concatenate, zip(*kept, strict=True)
         )
         of_all, of_near = share.total(moments)
-        stiffness *= of_all / of_near
-        self._across = across * stiffness
-        self._excess = (along - across) * stiffness
-        self.sources = owners[self.second]
+        self._stiffness *= of_all / of_near
+        self._factors = across, along - across
 
-    def on_axes(self) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
-        """Return `first`, `second` and `sources`, the stiffnesses (k, d) of the springs against
-        displacements along the axes, and the signs (k, d) with which second ends follow `sources`.
+    @property
+    def _across(self) -> np.ndarray:
+        """Stiffness of the springs across their bonds, shape (k,)."""
+        return self._factors[0] * self._stiffness
+
+    @property
+    def _excess(self) -> np.ndarray:
+        """What the stiffness of the springs along their bonds has more, shape (k,)."""
+        return self._factors[1] * self._stiffness
+
+    def on_axis(self, axis: int) -> Iterator[tuple[np.ndarray, ...]]:
+        """Yield `first`, `second` and `sources` of the springs, part by part, with their
+        stiffnesses against displacements along an axis, and the signs with which second ends follow
+        `sources`.
         """
-        stiffness = self._across[:, None] + self._excess[:, None] * self._along**2
-        return (self.first, self.second, self.sources), stiffness, self._parity()
+        across, excess = self._factors
+        signs = np.append(np.ones(len(self.body)), self.body.ghosts.parity[:, axis])
+        for start in range(0, len(self.first), SLAB):
+            part = slice(start, start + SLAB)
+            second = self.second[part]
+            stiffness = across + excess * self._along[part, axis] ** 2
+            stiffness *= self._stiffness[part]
+            yield self.first[part], second, self.sources[part], stiffness, signs[second]
 
     @property
     def oblique(self) -> np.ndarray:
         """Flags (k,) of the springs that couple components, as beside curved boundaries."""
-        return self.coupled & (np.abs(self._along).max(axis=1) < 1 - TOUCHING)
+        found = np.ones(len(self.first), dtype=bool) & self.coupled
+        for direction in self._along.T:
+            found &= np.abs(direction) < 1 - TOUCHING
+        return found
 
     def beside(self, points: np.ndarray) -> NearestBonds:
         """Return the network of the springs with an end at one of the `points`, flags (n,)."""
         found = copy(self)
         near = points[self.first] | points[self.sources]
-        for name in ("first", "second", "sources", "_across", "_excess", "_along"):
+        for name in ("first", "second", "sources", "_stiffness", "_along"):
             setattr(found, name, getattr(self, name)[near])
         return found
 
@@ -443,8 +462,9 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
     return balanced
 
 
-def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network in one process by factorization.
+def _inverse_here(network: NearestBonds, free: np.ndarray) -> tuple[Operator, bool]:
+    """Return the inverse of the stiffness of a network in one process, and whether it is exact: by
+    factorization, and not by cycles on a large lattice.
 
     In smooth, long-wave displacements the ratio of the network's stiffness to that of the true
     tangent does not grow with the number of points. The factorization takes seconds for 10^5
@@ -454,10 +474,10 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     inverses = []
     balanced = drift_remover(body, free)
     if network.coupled and not network.wide and len(body) > MOST_SOLVED[body.dimension]:
-        cycles = cycles_of(body, *network.on_axes(), free, SHIFT)
+        cycles = cycles_of(body, network.on_axis, free, SHIFT)
         if cycles:
             corrected = _corrected(network, free, cycles)
-            return lambda forces: balanced(corrected(forces * free)) * free
+            return lambda forces: balanced(corrected(forces * free)) * free, False
     for components, matrix in network.systems(free):
         count = matrix.shape[0]
         column = free[:, components].reshape(count, -1)[:, 0]
@@ -468,7 +488,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         else:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
-    return lambda forces: balanced(by_systems(inverses, forces * free)) * free
+    return lambda forces: balanced(by_systems(inverses, forces * free)) * free, True
 
 
 def _corrected(network: NearestBonds, free: np.ndarray, inverse: Operator) -> Operator:
@@ -476,10 +496,11 @@ def _corrected(network: NearestBonds, free: np.ndarray, inverse: Operator) -> Op
     at bonds that couple components, and their neighbors: a multiplicative Schwarz method.
     """
     zone = np.zeros(len(network.body), dtype=bool)
-    ends = np.stack([network.first, network.sources])
-    zone[ends[:, network.oblique]] = True
-    if not zone.any():
+    oblique = network.oblique
+    if not oblique.any():
         return inverse
+    ends = np.stack([network.first, network.sources])
+    zone[ends[:, oblique]] = True
     zone[ends[:, zone[ends].any(axis=0)]] = True
     numbers = np.flatnonzero(np.repeat(zone[:, None], free.shape[1], axis=1) * free)
     rows = network.beside(zone).matrix()[numbers]
@@ -517,7 +538,7 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
     )
     of_owners = degrees.copy()
     share.fill(around, of_owners)
-    invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
+    invert, _ = _inverse_here(network, around * (degrees == of_owners)[:, None])
     balanced = drift_remover(body, around)
     modes, coarse = _affine_motions(network, around)
     k = modes.shape[1]
@@ -591,8 +612,8 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
 
 
 def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network of springs, approximate for a large
-    Laplacian or a body divided among ranks.
+    """Return the inverse of the stiffness of a network of springs, or an approximate one, see
+    `_inverse_of`.
 
     The inverse is a linear operator on forces (n, d), symmetric and positive definite.
 
@@ -602,22 +623,30 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
     """
-    body = network.body
-    if not network.coupled and body.share.size > MOST_FACTORIZED:
-        return _inverse_by_multigrid(network, free)
-    return (_inverse_in_parts if body.share.divided else _inverse_here)(network, free)
+    return _inverse_of(network, free)[0]
+
+
+def _inverse_of(network: NearestBonds, free: np.ndarray) -> tuple[Operator, bool]:
+    """Return the inverse of the stiffness of a network of springs, and whether it is exact: it is
+    not for a large Laplacian, on a large lattice, or for a body divided among ranks.
+    """
+    if not network.coupled and network.body.share.size > MOST_FACTORIZED:
+        return _inverse_by_multigrid(network, free), False
+    if network.body.share.divided:
+        return _inverse_in_parts(network, free), False
+    return _inverse_here(network, free)
 
 
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
     """Return a function that solves for the displacements of a network under forces (n, d).
 
-    Where `inverse_of` is approximate, conjugate gradients correct it until the norm of the
-    residual, in the energy norm, is at most `left` times that of the forces.
+    Where the inverse is approximate, conjugate gradients correct it until the norm of the residual,
+    in the energy norm, is at most `left` times that of the forces.
     """
-    inverse = inverse_of(network, free)
-    share = network.body.share
-    if network.coupled and not share.divided and share.size <= MOST_SOLVED[network.body.dimension]:
+    inverse, exact = _inverse_of(network, free)
+    if exact:
         return inverse
+    share = network.body.share
 
     def solve(forces: np.ndarray) -> np.ndarray:
         return conjugate_gradients(

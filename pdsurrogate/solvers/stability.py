@@ -15,9 +15,12 @@ from .equilibrium import EquilibriumSolver, NotConverged, Unstable
 from .nearest_bonds import Preconditioner, random_vector
 from .tangent import tangent_product
 
-FORWARD = 1e-6
-"""Greatest displacement of a point in the forward differences of `FrequencyEstimate`, in
-spacings.
+FORWARD = {"float64": 1e-6, "float32": 1e-3}
+"""Greatest displacement of a point in the forward differences of `FrequencyEstimate`, in spacings,
+by the precision of the force: near the root of the rounding of stretches.
+
+Quotients of lengths at single points have its errors: with 1e-6 in single precision frequencies of
+a body in one state were up to twice the highest one.
 """
 
 
@@ -75,7 +78,7 @@ class FrequencyEstimate:
         force(positions, at_rest)
         # From a random vector; later from that of the last estimate, which has changed little.
         for _ in range(25 if self.fresh else 6):
-            value = self._iterate(force.body.spacing, at_rest, self._moved(force, positions))
+            value = self._iterate(_forward(force), at_rest, self._moved(force, positions))
         self.fresh = False
         return value
 
@@ -88,7 +91,7 @@ class FrequencyEstimate:
         """
         moved = self._moved(force, positions)
         force(positions, out)
-        return self._iterate(force.body.spacing, out, moved)
+        return self._iterate(_forward(force), out, moved)
 
     def _moved(self, force: InternalForce, positions: np.ndarray) -> np.ndarray:
         """Return the forces after a small displacement by the vector, which is scaled to a
@@ -100,14 +103,14 @@ class FrequencyEstimate:
             np.divide(self.vector, excess, out=self.vector, where=excess > 0)
         self.vector /= self._share.greatest(np.abs(self.vector))
         moved = np.empty_like(positions)
-        force(positions + FORWARD * force.body.spacing * self.vector, moved)
+        force(positions + _forward(force) * self.vector, moved)
         return moved
 
-    def _iterate(self, spacing: float, at_rest: np.ndarray, moved: np.ndarray) -> float:
+    def _iterate(self, forward: float, at_rest: np.ndarray, moved: np.ndarray) -> float:
         """Replace the vector by its image, given the forces without and with the displacement of
         `_moved`, and return the eigenvalue.
         """
-        image = (at_rest - moved) / (FORWARD * spacing) / self._mass * self._free
+        image = (at_rest - moved) / forward / self._mass * self._free
         if self._everywhere:
             before = self._squares(self.vector)
             squares = np.divide(
@@ -127,6 +130,11 @@ class FrequencyEstimate:
     def _squares(self, vector: np.ndarray) -> np.ndarray:
         """Return the squared lengths of the vectors of the points, weighed by the masses, (n,)."""
         return self._mass[:, 0] * sum(column * column for column in vector.T)
+
+
+def _forward(force: InternalForce) -> float:
+    """Return the greatest displacement of a point in forward differences of a force."""
+    return FORWARD[force.precision] * force.body.spacing
 
 
 PROBES = {"float64": 1e-6, "float32": 1e-3}

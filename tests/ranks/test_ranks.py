@@ -198,7 +198,7 @@ def check_bits(alone, shared, models):
         close = {
             "forces": 1e-14 * np.abs(values).max(),
             "positions": 1e-13,
-            "time step": np.finfo(float).eps / FORWARD * np.max(values),
+            "time step": np.finfo(float).eps / FORWARD["float64"] * np.max(values),
         }
         if what == "energy":
             np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)

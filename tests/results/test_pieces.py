@@ -65,11 +65,11 @@ def written(result, tmp_path):
     moment, fields = result.states[0]
     (tmp_path / "whole").mkdir()
     (tmp_path / "pieces").mkdir()
-    StatesInFiles(tmp_path / "whole", "hole", result.body).append(moment, fields)
+    StatesInFiles(tmp_path / "whole", "hole", result.body).append(moment, [fields])
     parts = list(parts_of(result.body, [-1.5, -0.75, 0.0, 1.5], 2 * result.body.spacing))
     for numbers, part in reversed(parts):
         StatesInFiles(tmp_path / "pieces", "hole", part).append(
-            moment, {name: values[numbers] for name, values in fields.items()}
+            moment, [{name: values[numbers] for name, values in fields.items()}]
         )
     return tmp_path
 
@@ -105,7 +105,7 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
     with pytest.raises(OSError, match="No space left"):
         states.append(
             Moment(2.0, 1.3, 0.0),
-            {name: values[numbers] for name, values in result.states[0][1].items()},
+            [{name: values[numbers] for name, values in result.states[0][1].items()}],
         )
     assert len(states.moments) == len(StatesInFiles.saved(written / "pieces", "hole").moments) == 1
 

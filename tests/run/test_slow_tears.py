@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import sys
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -321,6 +322,20 @@ def test_a_tear_is_one_in_equilibrium_where_grips_move_slowly_against_waves(
     assert reason in problem.critical_stretches.summary["process"]["reason"]
     left_out = any("viscosity have no effect" in str(one.message) for one in found)
     assert left_out == (slow and not changes)
+
+
+@pytest.mark.parametrize("duration", [2000.0, 20.0])
+def test_a_tear_that_its_rate_makes_slow_may_hold_a_place_between_points(duration):
+    moving = {"duration": duration, "density": 1.0}
+    held = [{"region": side, "x2": way} for side, way in (("up", 1.0), ("down", -1.0))]
+    scene = cantilever(
+        steps=[{"to": 0.1}, {"to": 1.0, "dynamics": moving}],
+        prescribed=[*held, {"region": {"near": [3.0, 0.5]}, "name": "end", "x1": 0.0, "x2": 0.0}],
+    )
+    models = checked_models(scene, pds.load_surrogate("bond-energy"))
+    refused = pytest.raises(pds.SceneError, match=r"2\.region: 2 points are equally near")
+    with refused if duration < 1000 else nullcontext():
+        assert compile_scene(scene, models).loading.supports
 
 
 def test_a_crack_that_runs_in_a_held_body_keeps_its_inertia():

@@ -7,7 +7,14 @@ from meshes import write_bar
 import pdsurrogate as pds
 import pdsurrogate.solvers.nearest_bonds as nearest_bonds
 from pdsurrogate.body import Body, ReflectionPlane
-from pdsurrogate.solvers.nearest_bonds import held_matrix, inverse_of, laplacian_of, springs_of
+from pdsurrogate.discretization import discretize
+from pdsurrogate.solvers.nearest_bonds import (
+    held_matrix,
+    inverse_of,
+    laplacian_of,
+    spring_solver_of,
+    springs_of,
+)
 
 
 @pytest.mark.parametrize("network_of", [springs_of, laplacian_of])
@@ -53,3 +60,16 @@ def test_cells_longer_than_wide_need_no_more_evaluations_than_cubes(tmp_path, ji
         stretches=1.5,
     )
     assert pds.simulate(scene, "bond-energy").summary["n_force_evaluations"] <= 150
+
+
+def test_a_factor_of_any_size_solves_by_itself(random, monkeypatch):
+    """That of a cloud is exact, however many points it has: no conjugate gradients around it."""
+    monkeypatch.setattr(nearest_bonds, "MOST_SOLVED", {2: 0})
+    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "body.arrangement": "relaxed"})
+    body = discretize(scene)[0]
+    free = (body.points > 0.2).astype(float)
+    forces = random.standard_normal(free.shape)
+    network = springs_of(body, 1.0)
+    np.testing.assert_array_equal(
+        spring_solver_of(network, free, 0.5)(forces), inverse_of(network, free)(forces)
+    )
