@@ -390,7 +390,7 @@ class Ghosts:
         body's points do not move; see `shifts`.
         """
         moved = np.zeros(displacements.shape[:-2] + self.points.shape)
-        for plane in range(self.lever.shape[1]):
+        for plane in np.flatnonzero(displacements.any(axis=(*range(displacements.ndim - 2), -1))):
             moved += self.lever[:, plane] * displacements[..., None, plane, :]
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self.feet)
