@@ -290,11 +290,11 @@ class BoundPass:
                 f"{what.__name__} takes {len(what.names)} arguments, not {len(arguments)}"
             )
         self._pass = what
-        self._kept = dict(zip(what.names, arguments, strict=True))
+        self.arguments = dict(zip(what.names, arguments, strict=True))
         self._places = {}
         kinds = []
         words = []
-        for name, value in self._kept.items():
+        for name, value in self.arguments.items():
             self._places[name] = len(words)
             kind, of_value = _described(f"{what.__name__}: {name}", value)
             kinds.append(kind)
@@ -306,11 +306,16 @@ class BoundPass:
     def __call__(self) -> int:
         return Chain(self)()[0]
 
+    def bound_to(self, **others) -> BoundPass:
+        """Return the pass bound to the same arguments but some others."""
+        chunks = Chunks(self.threads, self.call[2])
+        return self._pass.bind(*(self.arguments | others).values(), chunks=chunks)
+
     def give(self, name: str, array: np.ndarray) -> None:
         """Replace the argument `name` of the bound pass by another array of the same type and
         shape; raise TypeError for others.
         """
-        before = self._kept[name]
+        before = self.arguments[name]
         if array is before:
             return
         if (
@@ -322,14 +327,14 @@ class BoundPass:
                 f"{self._pass.__name__}: {name} must be an array in C order with the type and shape"
                 " of the one it replaces"
             )
-        self._kept[name] = array
+        self.arguments[name] = array
         self._words[self._places[name]] = _address(array)
 
     def give_number(self, name: str, number: float) -> None:
         """Replace the argument `name` of the bound pass, a floating-point number, by another
         one.
         """
-        self._kept[name] = number
+        self.arguments[name] = number
         (self._words[self._places[name]],) = _described(name, float(number))[1]
 
 

@@ -102,6 +102,20 @@ def _put_record(builder, parts, data, index, length):
         _store(builder, part, _element(builder, base, _constant(at)))
 
 
+def _components(builder, parts):
+    """Return the reals of vectors."""
+    return [
+        builder.extract_element(part, _lane(n)) for part in parts for n in range(part.type.count)
+    ]
+
+
+def _put_components(builder, values, data, index):
+    """Write the reals of a record to an index of an array."""
+    base = _element(builder, data, index, len(values))
+    for r, value in enumerate(values):
+        _store(builder, _vector(builder, [value]), _element(builder, base, _constant(r)))
+
+
 def _fetch(builder, data, start, count, to_write=False):
     """Ask for the `count` reals of an array from element `start` on, so that they are in the cache
     when they are read, or written.
@@ -322,34 +336,81 @@ def gather_pairs(dimension):
 
 
 @cache
-def put_records(length):
-    """Return an intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]``
-    for r below `length` and k from 0 to 3.
+def add_at_ends(dimension):
+    """Return an intrinsic that adds the moments and forces of a block of pairs, one pair after the
+    other, to the rows of both ends in an array of sums, in double precision.
 
-    LLVM writes records one real at a time: a plain loop takes 1.5 to 2.4 times as long (on a
-    processor with AVX-512), and with it the energies of pairs in three dimensions take 1.2 times as
-    long.
+    Moment r of pair k, in ``moments[r, k]``, and force q, in ``forces[q, k]``, are added to row
+    ``one[at + k]`` of `sums`, the moment and minus the force to row ``two[at + k]``, where ``ends =
+    one, two``. A row has the d d numbers of a moment, then the d of a force.
     """
+    matrix = dimension**2
+    length = matrix + dimension
+    parts = _parts(length)
 
     @writes
-    def put(builder, rows, column, records, at):
-        columns = [
-            _load(builder, _element(builder, rows, builder.add(_constant(r * BLOCK), column)), 4)
-            for r in range(length)
-        ]
-        parts = []
-        for start, count in _parts(length):
-            part = columns[start : start + count]
-            if count == 4:
-                parts.append(_transposed(builder, part))
-            else:
-                parts.append(
-                    [_shuffle(builder, part[0], part[-1], [k, 4 + k][:count]) for k in range(4)]
-                )
-        for k, pieces in enumerate(zip(*parts, strict=True)):
-            _put_record(builder, pieces, records, builder.add(at, _constant(k)), length)
+    def add(builder, moments, forces, ends, at, sums):
+        one, two = ends
 
-    return put
+        def places(row):
+            base = _element(builder, sums, row, length)
+            return [(_element(builder, base, _constant(start)), count) for start, count in parts]
+
+        def move(row, write):
+            """Write the sums that are held to a row, or hold those of the row."""
+            for (place, count), own in zip(places(row), held, strict=True):
+                if write:
+                    _store(builder, builder.load(own), place)
+                else:
+                    builder.store(_load(builder, place, count), own)
+
+        # The sums of a first point are held in registers while its pairs follow one another; those
+        # of a solid are too many.
+        held = _zeros(builder, _DOUBLE, [count for _, count in parts]) if dimension == 2 else []
+        before = cgutils.alloca_once(builder, _INDEX)
+        if held:
+            builder.store(_listed(builder, one, at), before)
+            move(builder.load(before), False)
+        with cgutils.for_range(builder, _constant(BLOCK // 4)) as loop:
+            column = builder.mul(loop.index, _constant(4))
+            columns = [
+                _load(
+                    builder, _element(builder, rows, builder.add(_constant(r * BLOCK), column)), 4
+                )
+                for rows, count in ((moments, matrix), (forces, dimension))
+                for r in range(count)
+            ]
+            pieces_of = [
+                _transposed(builder, columns[start : start + 4])
+                if count == 4
+                else [_shuffle(builder, *columns[start:], [k, 4 + k]) for k in range(4)]
+                for start, count in parts
+            ]
+            for k, pieces in enumerate(zip(*pieces_of, strict=True)):
+                terms = [_as_real(builder, piece, _DOUBLE) for piece in pieces]
+                pair = builder.add(builder.add(at, column), _constant(k))
+                row = _listed(builder, one, pair)
+                if held:
+                    last = builder.load(before)
+                    with builder.if_then(builder.icmp_unsigned("!=", row, last)):
+                        move(last, True)
+                        move(row, False)
+                        builder.store(row, before)
+                    for own, term in zip(held, terms, strict=True):
+                        _add(builder, term, own)
+                else:
+                    for (place, count), term in zip(places(row), terms, strict=True):
+                        _store(builder, builder.fadd(_load(builder, place, count), term), place)
+                others = zip(places(_listed(builder, two, pair)), terms, parts, strict=True)
+                for (place, count), term, (start, _) in others:
+                    signs = [1.0 if start + n < matrix else -1.0 for n in range(count)]
+                    signed = builder.fmul(term, ir.Constant(term.type, signs), flags=_CONTRACT)
+                    total = builder.fadd(_load(builder, place, count), signed, flags=_CONTRACT)
+                    _store(builder, total, place)
+        if held:
+            move(builder.load(before), True)
+
+    return add
 
 
 @cache
@@ -589,27 +650,19 @@ def _sum_of(builder, records, length, bonds, listed=None, factors=None, size=Non
 
 
 @cache
-def sum_records(length, sign, fetched):
-    """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign *
-    sum of records[indices[others]])``.
+def sum_records(length):
+    """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] - sum of
+    records[indices[others]])``.
 
-    Each record has `length` reals. `own` and `others` are start and stop, and `listed` holds the
-    `indices` and their number; the sums are in double precision, and `sign` is 1 or -1. If
-    `fetched`, records are asked for before they are needed. A plain loop takes 2.4 (float32) or 1.8
-    (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for
-    four, 3.2 or 2.4 times for nine.
+    Each record has `length` reals. `own` and `others` are start and stop; the sums are in double
+    precision. A plain loop takes 2.4 (float32) or 1.8 (float64) times as long for records of two
+    reals.
     """
 
     @writes
-    def add_up(builder, records, own, listed, others, factor, point, out):
-        indices = listed[0]
-        size = listed[1] if fetched else None
-        combine = builder.fadd if sign > 0 else builder.fsub
-        sums = (
-            _sum_of(builder, records, length, *bonds, size=size)
-            for bonds in ((own,), (others, indices))
-        )
-        both = [combine(*parts) for parts in zip(*sums, strict=True)]
+    def add_up(builder, records, own, indices, others, factor, point, out):
+        sums = (_sum_of(builder, records, length, *bonds) for bonds in ((own,), (others, indices)))
+        both = [builder.fsub(*parts) for parts in zip(*sums, strict=True)]
         _put_record(
             builder,
             [builder.fmul(part, _vector(builder, [factor] * part.type.count)) for part in both],
@@ -617,6 +670,29 @@ def sum_records(length, sign, fetched):
             point,
             length,
         )
+
+    return add_up
+
+
+@cache
+def sum_at_point(dimension):
+    """Return an intrinsic that sums rows of `add_at_ends` at a point, times a factor: the moment to
+    row `point` of `moments`, the force to row `point` of `forces`.
+
+    The rows are ``listed[b]`` for b in `entries` (start, stop).
+    """
+    matrix = dimension**2
+
+    @writes
+    def add_up(builder, sums, listed, entries, factor, point, moments, forces):
+        found = [
+            builder.fmul(value, factor)
+            for value in _components(
+                builder, _sum_of(builder, sums, matrix + dimension, entries, listed)
+            )
+        ]
+        _put_components(builder, found[:matrix], moments, point)
+        _put_components(builder, found[matrix:], forces, point)
 
     return add_up
 
@@ -700,34 +776,18 @@ def sum_scaled_records(dimension):
         indices = listed[0]
         size = listed[1] if dimension == 3 else None
 
-        def components(sums):
-            return [
-                builder.extract_element(part, _lane(n))
-                for part in sums
-                for n in range(part.type.count)
-            ]
-
-        mine = components(_sum_of(builder, records, length, own, None, factors, size))
-        pairs = list(
-            zip(
-                mine,
-                components(_sum_of(builder, records, length, others, indices, factors, size)),
-                strict=True,
-            )
+        mine, theirs = (
+            _components(builder, _sum_of(builder, records, length, *bonds, factors, size))
+            for bonds in ((own, None), (others, indices))
         )
+        pairs = list(zip(mine, theirs, strict=True))
         for target, combine, values in zip(
             outputs,
             (builder.fsub, builder.fadd),
             (pairs[:dimension], pairs[dimension:]),
             strict=True,
         ):
-            base = _element(builder, target, point, len(values))
-            for r, both in enumerate(values):
-                _store(
-                    builder,
-                    _vector(builder, [combine(*both)]),
-                    _element(builder, base, _constant(r)),
-                )
+            _put_components(builder, [combine(*both) for both in values], target, point)
 
     return add_up
 

@@ -19,7 +19,7 @@ from .binding import Binding, MaterialPart
 from .compiled_force import CompiledBondForce
 from .domain import Domain
 from .errors import at_point
-from .material_points import material_sums
+from .material_points import pair_sums
 from .pair_balance import balanced_changes
 from .pair_forces import PairForces
 from .protocol import ForceModel
@@ -79,7 +79,7 @@ class BondForces(MaterialTerm):
         self._model = models[0]
         self._domain = models[0].domain if binding.whole else None
         out = np.empty_like(body.points)
-        sums = material_sums(self.kinematics, self.parts, "forces", out)
+        sums = pair_sums(self.kinematics, self.parts, out)
         self.in_units = list(enumerate(sums[: len(models)]))
         self.bind_steps(*(part.find for part in self.parts), *sums)
 
@@ -161,7 +161,11 @@ class BondForces(MaterialTerm):
         self._change(changed)
 
     def pair_forces(self, pairs: np.ndarray) -> np.ndarray:
-        return self._of_pairs("forces", pairs)
+        found = np.zeros((len(pairs), 2))
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            found[chosen] += part.unit * part.forces[places].astype(float)
+        return found
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:

@@ -13,7 +13,7 @@ from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import node_state
 from ..kernels.material_copies import copy_values, gather_rows, see_points
-from ..kernels.sums import sum_moments, sum_pair_forces
+from ..kernels.sums import sum_pair_forces
 from ..materials import PLANES, Law
 from .errors import at_point, why_invalid
 from .kinematics import Kinematics, matrices
@@ -315,25 +315,17 @@ def rows_of_each(
     return np.split(rows, ends[:-1]), [gather]
 
 
-def material_sums(
-    kinematics: Kinematics,
-    parts: Sequence,
-    quantity: str,
-    out: np.ndarray,
-    theirs=None,
-) -> list[BoundPass]:
-    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body, see
-    `rows_of_each`.
+def pair_sums(kinematics: Kinematics, parts: Sequence, out: np.ndarray) -> list[BoundPass]:
+    """Return the passes that sum the forces of pairs at the points of a body, see `rows_of_each`.
 
     `parts` hold the pairs of each material in units of ``part.unit``. The first passes are one for
     each material, in order.
     """
-    add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity]
-    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out, theirs)
+    rows, gather = rows_of_each(kinematics, [part.points for part in parts], out)
     passes = [
         kinematics.bind(
-            add_up[kinematics.body.dimension],
-            getattr(part, quantity),
+            sum_pair_forces[kinematics.body.dimension],
+            part.forces,
             *part.points.pairs_of_points(),
             float(part.unit),
             own_rows,

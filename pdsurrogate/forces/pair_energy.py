@@ -22,7 +22,7 @@ from .binding import Binding, MaterialPart
 from .bond_shares import BondShares
 from .errors import at_point, why_invalid
 from .kinematics import matrices
-from .material_points import material_sums
+from .material_points import rows_of_each
 from .pair_passes import PairEnergies, SelectivePairs, bond_gradients
 from .steps import Steps
 from .term import OutsideCounter, Passes, whole_volume
@@ -109,23 +109,21 @@ class PairEnergy(WorkOnPlanes):
         seen = [None, None]
         if not whole:
             seen = [np.zeros_like(array) for array in (self._on_points, self._stresses)]
-        shares = self.shares
-        forces, moments = (
-            material_sums(self.kinematics, self.parts, quantity, *arrays)
-            for quantity, *arrays in (
-                ("forces", self._on_points, seen[0]),
-                ("moments", self._stresses, seen[1]),
-            )
+        (forces, of_forces), (moments, of_moments) = (
+            rows_of_each(self.kinematics, self.materials, *arrays)
+            for arrays in zip((self._on_points, self._stresses), seen, strict=True)
         )
-        self.in_units = [*enumerate(forces[: len(models)]), *enumerate(moments[: len(models)])]
+        sums = [part.sum_to(*rows) for part, *rows in zip(self.parts, moments, forces, strict=True)]
+        self.in_units = list(enumerate(sums))
         further = []
         if not whole:
             own = self._stresses[: len(body)]
             further = self.kinematics.interfaces.steps_back(*seen, own, self._on_jumps)
         to_points = [
-            *moments,
-            *forces,
-            *shares.steps_to_points(
+            *sums,
+            *of_forces,
+            *of_moments,
+            *self.shares.steps_to_points(
                 self._stresses, self._on_points, self._moments_of_ghosts, *further
             ),
         ]
@@ -279,9 +277,9 @@ class PairEnergy(WorkOnPlanes):
             ends.
             """
             vectors = body.all_points[bonds.second[chosen]] - body.all_points[bonds.first[chosen]]
-            return self._of_pairs("forces", chosen) + self.shares.strength[
-                chosen, None
-            ] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
+            return self._of_pairs(chosen)[1] + self.shares.strength[chosen, None] * np.einsum(
+                "bij,bj->bi", stresses[bonds.first[chosen]], vectors
+            )
 
         forces = of_firsts(pairs)
         within = np.flatnonzero(second < n)
@@ -296,6 +294,18 @@ class PairEnergy(WorkOnPlanes):
         )
         changed = self._from_one_side()
         return forces if changed is None else forces + changed[pairs]
+
+    def _of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the moments (k, d d) and forces (k, d) of given pairs, summed over the materials,
+        in the state last evaluated.
+        """
+        self._see()
+        d = self.body.dimension
+        found = np.zeros((len(pairs), d * d + d))
+        for part in self.parts:
+            places, chosen = part.points.places_of_pairs(pairs)
+            found[chosen] += part.each(places)
+        return found[:, : d * d], found[:, d * d :]
 
     def _from_one_side(self) -> np.ndarray | None:
         """Return corrections of the forces of all pairs where bonds are omitted from gradients
@@ -320,9 +330,9 @@ class PairEnergy(WorkOnPlanes):
         for part in bonds.slabs():
             pairs = part.start + np.flatnonzero(self.body.share.own[bonds.first[part]])
             vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-            found += self._of_pairs("forces", pairs).T @ vectors
+            moments, forces = self._of_pairs(pairs)
             # P (I - n (x) n) is twice the moment.
-            found += 2 * self._of_pairs("moments", pairs).sum(axis=0).reshape(d, d).T
+            found += forces.T @ vectors + 2 * moments.sum(axis=0).reshape(d, d).T
         return found / whole_volume(self.body)
 
     def released_by(self, motion: np.ndarray) -> float | None:
@@ -350,10 +360,10 @@ class PairEnergy(WorkOnPlanes):
         F = self._gradients(pairs)
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
         turned = F @ (ahead - F)
-        along = np.einsum("bi,bij,bj->", self._of_pairs("forces", pairs), turned, vectors)
+        moments, forces = self._of_pairs(pairs)
+        along = np.einsum("bi,bij,bj->", forces, turned, vectors)
         # P (I - n (x) n) is twice the moment
-        moments = self._of_pairs("moments", pairs).reshape(-1, d, d)
-        across = 2 * np.einsum("bji,bij->", moments, turned)
+        across = 2 * np.einsum("bji,bij->", moments.reshape(-1, d, d), turned)
         return float(along + across - (self.body.volumes * density * growth)[own].sum())
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:

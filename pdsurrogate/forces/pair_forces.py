@@ -76,6 +76,8 @@ class PairForces(Pairs):
 
     Attributes
     ----------
+    forces : ndarray, shape (n_blocks * BLOCK, 2)
+        Forces of the pairs on their first points, in units of `unit`.
     geometry : ndarray, shape (k, 4 to 6, BLOCK)
         Reference vectors of the pairs in blocks, see
         `pdsurrogate.kernels.reference_state.pair_rows`.
@@ -97,7 +99,8 @@ class PairForces(Pairs):
         precision = binding.precision
         plane = binding.settings.plane
         body = kinematics.body
-        super().__init__(model, points, precision)
+        super().__init__(model, points)
+        self.forces = aligned_rows((len(points.first), 2), precision)
         self._kinematics = kinematics
         self._precision = precision
         self._binding = binding

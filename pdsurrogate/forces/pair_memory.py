@@ -89,7 +89,7 @@ class PairMemory:
         self._history = history
         self._dissipated = history[3]
         own = np.arange(pairs, dtype=np.uint32)[part.points.pairs]
-        numbers = np.zeros(len(part.forces), dtype=np.uint32)
+        numbers = np.zeros(len(part.points.first), dtype=np.uint32)
         numbers[: len(own)] = own
         self._numbers = numbers
         rows = branches * tensors.STEP + 2 * softened
@@ -98,7 +98,7 @@ class PairMemory:
         buffers = aligned_rows((threads, selective_memory.memory_rows(d), BLOCK), value=1)
         memory = buffers if precision == "float64" else aligned_rows(buffers.shape, precision, 1)
         self._coefficients = coefficients
-        stored = np.zeros(len(part.geometry))
+        stored = np.zeros_like(part.energies)
         self._stored = stored
         self._begin = kinematics.bind(
             selective_memory.begin_steps[d],
@@ -150,7 +150,7 @@ class PairMemory:
     ) -> list[BoundPass]:
         """Return the passes of an evaluation; `steps` are moduli, softening and coefficients."""
         bound = kinematics.bind(
-            selective_memory.pair_energies[part.forces.shape[1]],
+            selective_memory.pair_energies[kinematics.body.dimension],
             *part.places,
             part.pressures,
             part.pairs[:2],
@@ -158,7 +158,7 @@ class PairMemory:
             *part.isochoric.arguments,
             steps,
             memory,
-            (part.energies, stored, part.forces, part.moments),
+            (part.energies, stored, part.walk),
         )
         return [bound]
 
@@ -170,7 +170,7 @@ class PairMemory:
         """
         from ..kernels import rates  # here, for few branches have such times
 
-        d = part.forces.shape[1]
+        d = kinematics.body.dimension
         self._found = np.empty_like(self._passed)
         self._knots = padded_knots(part.points.law.memory.branches)
         return kinematics.bind(
@@ -254,7 +254,7 @@ class PairMemory:
         The change that it makes in C_k is looked for in the direction of the first difference.
         """
         self.see()
-        d = self._part.forces.shape[1]
+        d = self._kinematics.body.dimension
         tensors = tensors_of(d)
         elapsed, ratio = self._kinematics.elapsed, self._ratio(self._kinematics.elapsed)
         (Cb, *_), rows = self._strains(), self._rows()
@@ -298,9 +298,7 @@ class PairMemory:
         sums of M over the branches as matrices (k, 3, 3), in units of the shear modulus, and
         factors eta (k,) of softening and stored energies (k,) that memory adds, in this unit too.
         """
-        part = self._part
-        d = part.forces.shape[1]
-        tensors = tensors_of(d)
+        tensors = tensors_of(self._kinematics.body.dimension)
         Cb, F, J3 = self._strains()
         rows = self._rows()
         total = np.zeros((len(Cb), len(F)))
@@ -326,7 +324,7 @@ class PairMemory:
 
     def _strains(self) -> tuple:
         """Return the components of Cb, deformation gradients and volume ratios of the pairs."""
-        d = self._part.forces.shape[1]
+        d = self._kinematics.body.dimension
         tensors = tensors_of(d)
         F = self._gradients()
         J3, C33 = self._volumes(F)
@@ -336,7 +334,7 @@ class PairMemory:
     def _gradients(self) -> np.ndarray:
         """Return the deformation gradients of the pairs; I for one of volume zero."""
         part = self._part
-        d = part.forces.shape[1]
+        d = self._kinematics.body.dimension
         first, second = part.points.first, part.points.second
         positions, columns = part.places
         reference = self._reference()

@@ -13,10 +13,12 @@ from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.steps import count_infinite, count_positive
+from ..kernels.sums import sum_at_points
 from .binding import Binding
 from .bond_shares import BondShares
 from .domain import EVERYWHERE
 from .material_points import MaterialPoints
+from .walks import each_pair, walk_over
 
 
 class EnergyDerivatives(NamedTuple):
@@ -40,25 +42,17 @@ def bond_gradients(means: np.ndarray, along: np.ndarray, n: np.ndarray) -> np.nd
 
 
 class Pairs:
-    """Base class for the pairs (undirected bonds) of one material with the array of their forces.
+    """Base class for the pairs (undirected bonds) of one material.
 
     Parameters
     ----------
     model : ForceModel
     points : MaterialPoints
-    precision : str
-        Precision of the forces.
-
-    Attributes
-    ----------
-    forces : ndarray, shape (n_blocks * BLOCK, d)
-        Forces of the pairs on their first points, in units of `unit`.
     """
 
-    def __init__(self, model, points: MaterialPoints, precision: str) -> None:
+    def __init__(self, model, points: MaterialPoints) -> None:
         self.model = model
         self.points = points
-        self.forces = aligned_rows((len(points.first), points.positions.shape[1]), precision)
 
     @property
     def unit(self) -> float:
@@ -73,25 +67,25 @@ class Pairs:
 
 
 class PairsWithEnergy(Pairs):
-    """Base class for the pairs of one material with the arrays of their energies, forces and
-    moments.
+    """Base class for the pairs of one material with their energies, and the sums of their forces
+    and moments.
 
     Parameters
     ----------
+    binding : Binding
     model : ForceModel
     points : MaterialPoints
     geometry : ndarray
         See `BondShares.geometry`.
-    precision : str
-        Precision of forces and moments.
 
     Attributes
     ----------
-    moments : ndarray, shape (n_blocks * BLOCK, d d)
-        Derivatives of the pairs' energies by the deformation gradient of either end, see
+    walk : Walk
+        Receives sums of forces and moments, derivatives of the pairs' energies by the deformation
+        gradient of either end, in units of `unit`; see
         `pdsurrogate.kernels.bond_energy.pair_energies`.
-    energies : ndarray, shape (n_blocks,)
-        Sums of the energies of blocks of pairs, divided by the shear modulus.
+    energies : ndarray, shape (v,)
+        Sums of the energies of the pairs of each visit, divided by the shear modulus.
     steps : list of BoundPass
         Compiled passes that compute energies, forces and moments; the last one does.
     memory : PairMemory or None
@@ -101,14 +95,38 @@ class PairsWithEnergy(Pairs):
     steps: list[BoundPass]
     memory: Any = None
 
-    def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
-        super().__init__(model, points, precision)
+    def __init__(
+        self, binding: Binding, model, points: MaterialPoints, geometry: np.ndarray
+    ) -> None:
+        super().__init__(model, points)
         self.geometry = geometry
-        count, d = self.forces.shape
-        self.moments = aligned_rows((count, d * d), precision)
+        self._kinematics = binding.kinematics
+        self.walk, self._rows = walk_over(binding.kinematics, points)
         self.places = (points.positions, points.gradients)
         self.pairs = (points.first, points.second), geometry, points.rows
-        self.energies = np.zeros(len(points.rows))
+        self.energies = np.zeros(len(self.walk.blocks))
+
+    def sum_to(self, moments: np.ndarray, forces: np.ndarray) -> BoundPass:
+        """Return the pass that writes the sums of moments and forces of the pairs, times `unit`, to
+        the rows of the points.
+        """
+        arrays = self.walk.sums, *self._rows, float(self.unit), moments, forces
+        return self._kinematics.bind(sum_at_points[forces.shape[1]], *arrays)
+
+    def each(self, places: np.ndarray) -> np.ndarray:
+        """Return the moments and forces of the pairs at some places, shape (k, d d + d), in the
+        state last evaluated.
+        """
+        found = each_pair(self.steps[-1], places)
+        self.counts()  # of the evaluation alone
+        found *= self.unit
+        return found
+
+    def counts(self) -> tuple[int, int, int]:
+        """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below
+        `COLLAPSED`, and of pairs inside out.
+        """
+        raise NotImplementedError
 
     def set_parameters(self, model) -> None:
         super().set_parameters(model)
@@ -164,7 +182,7 @@ class PairEnergies(PairsWithEnergy):
         kinematics = binding.kinematics
         precision = binding.precision
         domain = model.domain
-        super().__init__(model, points, shares.geometry(points, own, precision), precision)
+        super().__init__(binding, model, points, shares.geometry(points, own, precision))
         compiled = model.compiled(precision)
         threads = kinematics.chunks.threads
         self._weights = compiled.weights
@@ -192,7 +210,7 @@ class PairEnergies(PairsWithEnergy):
             aligned_rows((threads, 4, BLOCK)),
         )
         memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
-        results = self.count_rows, self.energies, self.forces, self.moments
+        results = self.count_rows, self.energies, self.walk
         bound = kinematics.bind(
             bond_energy.pair_energies, *self.places, self.pairs, *energy, memory, results
         )
@@ -206,9 +224,6 @@ class PairEnergies(PairsWithEnergy):
         return [*super().checks(bind), bind(count_positive, self.count_rows)]
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below
-        `COLLAPSED`, and of pairs inside out.
-        """
         return tuple(self.count_rows.sum(axis=0).tolist())
 
 
@@ -260,7 +275,7 @@ class SelectivePairs(PairsWithEnergy):
         )
         # the volumes are computed from this array
         geometry = shares.geometry(points, own, "float64")
-        super().__init__(model, points, geometry, isochoric.precision)
+        super().__init__(binding, model, points, geometry)
         self.pressures = np.zeros(len(points.positions))
         self.volume_energies = np.zeros(0)
         self.volumes = volumes
@@ -285,11 +300,7 @@ class SelectivePairs(PairsWithEnergy):
             else aligned_rows(self.buffers.shape, isochoric.precision, 1)
         )
         shares_and_energy = (self.end_shares, *isochoric.arguments)
-        results = (
-            self.energies,
-            self.forces,
-            self.moments,
-        )
+        results = self.energies, self.walk
         bound = binding.kinematics.bind(
             selective_energy.pair_energies[dimension],
             *self.places,

@@ -30,7 +30,7 @@ class SheetMemory(PairMemory):
     _part: PairEnergies
 
     def __init__(self, binding: Binding, part: PairEnergies, number: int) -> None:
-        self._J3 = aligned_rows((len(part.forces),), value=1)
+        self._J3 = aligned_rows((len(part.points.first),), value=1)
         super().__init__(binding, part, number)
 
     def _energy_of(self, part: PairEnergies) -> tuple[tuple, str, np.ndarray]:
@@ -50,7 +50,7 @@ class SheetMemory(PairMemory):
         self._find_volumes = kinematics.bind(
             sheet_memory.pair_volumes, *part.places, part.pairs[:2], law, steps, buffers, self._J3
         )
-        results = part.count_rows, part.energies, stored, part.forces, part.moments
+        results = part.count_rows, part.energies, stored, part.walk
         find = kinematics.bind(
             sheet_memory.pair_energies,
             *part.places,

@@ -417,16 +417,6 @@ class MaterialTerm(Term):
         """Return an error message that names a point whose force in `out` is not finite."""
         return locate(self.body, out, "the force on it is not finite")
 
-    def _of_pairs(self, quantity: str, pairs: np.ndarray) -> np.ndarray:
-        """Return the "forces" or "moments" of given pairs, summed over the `parts` of all
-        materials.
-        """
-        found = np.zeros((len(pairs), getattr(self.parts[0], quantity).shape[1]))
-        for part in self.parts:
-            places, chosen = part.points.places_of_pairs(pairs)
-            found[chosen] += part.unit * getattr(part, quantity)[places].astype(float)
-        return found
-
     def volume_ratios(self) -> np.ndarray:
         """Return the volume ratios J3 of the points, shape (n,); 1 for rigid points."""
         found = np.ones(len(self.body))

@@ -154,12 +154,11 @@ def _components(d):
         "put": put_row,
         # Loads and sums over bonds, see `pdsurrogate.engine.vector_loads`.
         "gather_pairs": vector_loads.gather_pairs(d),
-        "put_vectors": vector_loads.put_records(d),
-        "put_matrices": vector_loads.put_records(len(matrix)),
+        "add_at_ends": vector_loads.add_at_ends(d),
+        "sum_at_point": vector_loads.sum_at_point(d),
         "subtract_positions": vector_loads.subtract_positions(d),
         "sum_matrix_products": vector_loads.sum_matrix_products(d),
-        "sum_signed_records": vector_loads.sum_records(d, -1, fetched=d == 3),
-        "sum_matrices": vector_loads.sum_records(d * d, 1, fetched=d == 3),
+        "sum_signed_records": vector_loads.sum_records(d),
         # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must
         # not overflow.
         "no_vector": entries("", ["0.0" for _ in axes]),
@@ -233,6 +232,7 @@ def _plane(algebra):
 
     return {
         "response_state": response_state,
+        "stress_by_trace": first_piola,
         "first_piola": first_piola,
         "sum_outer_products": vector_loads.sum_outer_products,
     }
@@ -267,6 +267,15 @@ def _space(algebra):
         )
 
     @inlined
+    def stress_by_trace(F, state, result, unit):
+        """Return `first_piola` where r is zero, as with laws that do not depend on tr cof C."""
+        p = result[0] * unit
+        q = result[1] * unit
+        return algebra.plus_matrix(
+            algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
+        )
+
+    @inlined
     def first_piola(F, state, result, unit):
         """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit in three
         dimensions.
@@ -274,12 +283,8 @@ def _space(algebra):
         `result` (p, q, r) is a law's response to F, and `unit` is a factor, such as the shear
         modulus; `state` is unused.
         """
-        p = result[0] * unit
-        q = result[1] * unit
+        P = stress_by_trace(F, state, result, unit)
         r = result[2] * unit
-        P = algebra.plus_matrix(
-            algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F))
-        )
         return algebra.plus_matrix(
             P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F)))
         )
@@ -304,6 +309,7 @@ def _space(algebra):
 
     return {
         "response_state": response_state,
+        "stress_by_trace": stress_by_trace,
         "first_piola": first_piola,
         "sum_outer_products": sum_outer_products,
     }

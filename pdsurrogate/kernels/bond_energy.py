@@ -17,21 +17,14 @@ The reference data of a pair are n, 1/l and V_b. A broken pair, or one that pads
 
 import numpy as np
 
-from ..engine.block_arrays import (
-    BLOCK,
-    block_rows,
-    pair_records,
-    put_column,
-    put_row,
-    quad_records,
-    tuple_of,
-)
+from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from, tuple_of
 from ..engine.compile import call_block, inlined, widest_vectors
-from ..engine.passes import Pass, share_of
+from ..engine.passes import Pass
 from .algebra import algebra_of
 from .bond_force import FALL_BACK, UNGUARDED
 from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
+from .sums import counted_at, rest_others, visits_of
 
 COUNTED = 1
 """Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; the module
@@ -87,8 +80,8 @@ def stress(c, e, p, q):
 
 @inlined
 def put_parts(pair, moment, k, reference, P, half):
-    """Write the force P n/l of pair k into `pair`, and its moment S = (P m) (x) m/2, by columns,
-    into `moment`.
+    """Write the force P n/l of pair k into column k of `pair`, and its moment S = (P m) (x) m/2, by
+    columns, into column k of `moment`.
 
     `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions n along and m across
     the undeformed bond; the rows of `reference` are n1, n2 and 1/l, where l is the undeformed
@@ -99,8 +92,8 @@ def put_parts(pair, moment, k, reference, P, half):
     inverse_length = reference[2, k]
     h1 = half * P[2]
     h2 = half * P[3]
-    put_row(pair, k, (inverse_length * P[0], inverse_length * P[1]))
-    put_row(moment, k, (-n2 * h1, -n2 * h2, n1 * h1, n1 * h2))
+    put_column(pair, k, (inverse_length * P[0], inverse_length * P[1]))
+    put_column(moment, k, (-n2 * h1, -n2 * h2, n1 * h1, n1 * h2))
 
 
 @Pass
@@ -131,24 +124,27 @@ def pair_energies(
     `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of
     both points, and the rows `work` and `scratch` of an energy function. The results are: `counts`
     (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det F_ij <= COLLAPSED, and
-    of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces`
-    (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
+    of pairs with det F_ij <= 0 or NaN; `energies`, the sums of V_b psi over the pairs of each visit
+    of a walk; the walk, to whose sums at both ends the pass adds the force V_b P n/l on the first
+    point and S by columns.
     """
     ends, geometry, rows = pairs
     buffers, sums, work, scratch = memory
-    counts, energies, forces, moments = results
+    counts, energies, walk = results
+    blocks, all_lanes, _, rows_of_ends, sums_at_ends = walk
     widest_vectors()
     buffer = buffers[chunk.thread]
-    states = block_rows(buffer[:RESULT])
-    result = block_rows(buffer[RESULT:EXACT_RESULT])
-    exact_result = block_rows(buffer[EXACT_RESULT:BOND])
-    bond = block_rows(buffer[BOND:COLUMNS])
-    columns = block_rows(buffer[COLUMNS:BUFFER_ROWS])
+    states = block_rows(buffer)
+    result = rows_from(states, RESULT)
+    exact_result = rows_from(states, EXACT_RESULT)
+    bond = rows_from(states, BOND)
+    columns = rows_from(states, COLUMNS)
     means = block_rows(sums[chunk.thread])
     real = buffer.dtype.type
     half = real(0.5)
     zero = real(0.0)
     one = real(1.0)
+    two = one + one
     least = real(COLLAPSED)
     limits = tuple_of(domain, N_LIMITS)
     edge = -real(BLEND) if guard == FALL_BACK else zero
@@ -156,7 +152,9 @@ def pair_energies(
     count = 0
     small = 0
     bad = 0
-    for block in share_of(rows.shape[0], chunk):
+    for visit in visits_of(walk, chunk):
+        block = np.int64(blocks[visit])
+        lanes = all_lanes[visit, 0], all_lanes[visit, 1]
         at = block * BLOCK
         reference = block_rows(geometry[rows[block]])
         for k in range(0, BLOCK, 4):
@@ -167,14 +165,15 @@ def pair_energies(
             put_column(columns, k, c + e)
             alive = reference[3, k] > zero
             J = c[0] * e[1] - c[1] * e[0] if alive else one
-            states[0, k] = plane.dot(c, c) + plane.dot(e, e) if alive else one + one
+            states[0, k] = plane.dot(c, c) + plane.dot(e, e) if alive else two
             states[1, k] = J
             # NaN is counted, too.
             few += zero if least < J else one
         if few > zero:
-            small += int(few)
-            for k in range(BLOCK):
+            for k in range(lanes[0], lanes[1]):
+                small += 0 if least < states[1, k] else 1
                 bad += 0 if states[1, k] > zero else 1
+        rest_others(states, lanes, (two, one))
         call_block(
             energy_density, states, constants, work[chunk.thread], scratch[chunk.thread], result
         )
@@ -216,17 +215,17 @@ def pair_energies(
                         result[2, k] += (
                             real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
                         )
-        pair = pair_records(forces[at : at + BLOCK])
-        moment = quad_records(moments[at : at + BLOCK])
         total = 0.0
         for k in range(BLOCK):
             bond_volume = reference[3, k]
             p = bond_volume * (result[1, k] + result[1, k])
             q = bond_volume * result[2, k]
             P = stress((columns[0, k], columns[1, k]), (columns[2, k], columns[3, k]), p, q)
-            put_parts(pair, moment, k, reference, P, half)
-            total += np.float64(reference[counted, k] * result[0, k])
-        energies[block] = total
+            # The bonds and the columns are no longer needed.
+            put_parts(bond, columns, k, reference, P, half)
+            total += np.float64(counted_at(reference, counted, lanes, k) * result[0, k])
+        plane.add_at_ends(columns, bond, rows_of_ends, visit * BLOCK, sums_at_ends)
+        energies[visit] = total
     counts[chunk.number, 0] = count
     counts[chunk.number, 1] = small
     counts[chunk.number, 2] = bad

@@ -13,6 +13,7 @@ from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import fetch
 from .algebra import ByDimension
 from .elementary import like
+from .sums import counted_at, rest_others, visits_of
 
 STATE_ROWS = 3
 RESULT_ROWS = 4
@@ -81,6 +82,11 @@ def pressure_of(shares, pressures, ends, at, k):
     """
     first, second = ends
     return shares[0, k] * pressures[first[at + k]] + shares[1, k] * pressures[second[at + k]]
+
+
+def rest_state(algebra):
+    """Return the state of a pair that is not deformed."""
+    return 3.0 if algebra.DIMENSION == 3 else 2.0, 3.0 if algebra.DIMENSION == 3 else 1.0, 1.0
 
 
 def parts_of_stress(algebra):
@@ -222,22 +228,49 @@ def volume_energies(chunk, volume_ratios, volumes, response, parameters, buffers
         energies[block] = total
 
 
+def stresses_of_block(algebra, stress):
+    """Build the function that writes moments and forces of the pairs of a block in the places of
+    their gradients and bonds, and returns the energy of those in `lanes`.
+
+    The first row of the bonds holds the pressures; `stress` is a function of the algebra.
+    """
+    put_parts = parts_of_stress(algebra)
+    volume = algebra.DIMENSION + 1
+
+    @inlined
+    def put_stresses(sums, bonds, states, result, reference, lanes):
+        counted = reference.shape[0] - 1
+        total = 0.0
+        for k in range(BLOCK):
+            F = algebra.matrix_column_at(sums, k)
+            state = states[0, k], states[1, k], states[2, k]
+            found = result[0, k], result[1, k], result[2, k]
+            P = stress(F, state, found, like(F[0], reference[volume, k]))
+            P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
+            put_parts(bonds, sums, reference, k, P)
+            total += counted_at(reference, counted, lanes, k) * result[3, k]
+        return total
+
+    return put_stresses
+
+
 @ByDimension
 def pair_energies(algebra):
     """Build the pass that computes the isochoric energy of pairs, and their forces and moments,
     which include the points' pressures.
     """
     of_bond = gradient_of_bond(algebra)
-    put_parts = parts_of_stress(algebra)
+    by_trace, by_invariants = (
+        stresses_of_block(algebra, stress)
+        for stress in (algebra.stress_by_trace, algebra.first_piola)
+    )
     matrix = algebra.MATRIX
     dimension = algebra.DIMENSION
     state_rows = matrix + dimension
     result_rows = matrix + dimension + STATE_ROWS
-    volume = dimension + 1
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
-    fetch_force = fetch(4 * dimension, to_write=True)
-    fetch_moment = fetch(4 * matrix, to_write=True)
+    undeformed = rest_state(algebra)
 
     @Pass
     def pair_energies(
@@ -250,52 +283,50 @@ def pair_energies(algebra):
 
         The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both
         points, each times the share of the pair in the volume of the point (`shares`, (k, 2,
-        BLOCK), in the rows of the geometry). The results are: `energies`, the sums over each block
-        of pairs; `forces`, P n/l on the first point, where n and l are the direction and the length
-        of the undeformed bond; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the
-        energy by the deformation gradient of either point.
+        BLOCK), in the rows of the geometry). The results are: `energies`, the sums over the pairs
+        of each visit of a walk; the walk, to whose sums at both ends the pass adds the force P n/l
+        on the first point, where n and l are the direction and the length of the undeformed bond,
+        and the moment S = P (I - n (x) n)/2 by columns, the derivative of the energy by the
+        deformation gradient of either point.
         """
         ends, geometry, rows = pairs
-        energies, forces, moments = results
+        energies, walk = results
+        blocks, all_lanes, _, rows_of_ends, sums_at_ends = walk
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
         states = rows_from(sums, state_rows)
         result = rows_from(sums, result_rows)
-        counted = geometry.shape[1] - 1
-        for block in share_of(rows.shape[0], chunk):
+        for visit in visits_of(walk, chunk):
+            block = np.int64(blocks[visit])
+            lanes = all_lanes[visit, 0], all_lanes[visit, 1]
             at = block * BLOCK
             reference = block_rows(geometry[rows[block]])
             share = block_rows(shares[rows[block]])
             following = following_row(rows, block)
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
-                fetch_force(forces, (at + k) * dimension)
-                fetch_moment(moments, (at + k) * matrix)
+                # The next block needs these.
+                fetch_geometry(geometry, (following + k) * geometry.shape[1])
+                fetch_shares(shares, (following + k) * 2)
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
+            rest_others(states, lanes, undeformed)
             evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = pressure_of(share, pressures, ends, at, k)
-            total = 0.0
+            second = like(result[2, 0], 0.0)
             for k in range(BLOCK):
-                F = algebra.matrix_column_at(sums, k)
-                state = states[0, k], states[1, k], states[2, k]
-                found = result[0, k], result[1, k], result[2, k]
-                P = algebra.first_piola(F, state, found, like(F[0], reference[volume, k]))
-                P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
-                put_parts(bonds, sums, reference, k, P)
-                total += reference[counted, k] * result[3, k]
-            for k in range(0, BLOCK, 4):
-                algebra.put_vectors(bonds, k, forces, at + k)
-                algebra.put_matrices(sums, k, moments, at + k)
-                # The next block needs these. Requests for memory are made here and above, since too
-                # many at once wait for one another.
-                fetch_geometry(geometry, (following + k) * geometry.shape[1])
-                fetch_shares(shares, (following + k) * 2)
-            energies[block] = total
+                second += abs(result[2, k])
+            rows_of_block = sums, bonds, states, result, reference
+            energies[visit] = (
+                by_trace(*rows_of_block, lanes)
+                if second == 0.0
+                else by_invariants(*rows_of_block, lanes)
+            )
+            algebra.add_at_ends(sums, bonds, rows_of_ends, visit * BLOCK, sums_at_ends)
 
     return pair_energies

@@ -22,8 +22,10 @@ from .selective_energy import (
     gradient_of_bond,
     parts_of_stress,
     pressure_of,
+    rest_state,
 )
 from .softening import soften, softening_loss
+from .sums import counted_at, rest_others, visits_of
 
 
 def memory_rows(dimension: int) -> int:
@@ -134,8 +136,7 @@ def pair_energies(algebra):
     fetch_geometry = fetch(4 * (dimension + 2))
     fetch_shares = fetch(4 * 2)
     fetch_steps = fetch(4 * tensors.STEP)
-    fetch_force = fetch(4 * dimension, to_write=True)
-    fetch_moment = fetch(4 * matrix, to_write=True)
+    undeformed = rest_state(algebra)
 
     @Pass
     def pair_energies(
@@ -156,11 +157,12 @@ def pair_energies(algebra):
 
         `memory` are the moduli of the branches over the shear modulus, the parameters of softening
         or none, and the coefficients of `begin_steps`. The results begin with two arrays of
-        energies of blocks: those of which forces and moments are the derivatives, and those that
+        energies of visits: those of which forces and moments are the derivatives, and those that
         are stored.
         """
         ends, geometry = pairs
-        energies, stored, forces, moments = results
+        energies, stored, walk = results
+        blocks, all_lanes, _, rows_of_ends, sums_at_ends = walk
         moduli, softening, coefficients = memory
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
@@ -176,15 +178,15 @@ def pair_energies(algebra):
         modulus = 0.0
         for branch in range(moduli.shape[0]):
             modulus += moduli[branch]
-        for block in share_of(geometry.shape[0], chunk):
+        for visit in visits_of(walk, chunk):
+            block = np.int64(blocks[visit])
+            lanes = all_lanes[visit, 0], all_lanes[visit, 1]
             at = block * BLOCK
             reference = block_rows(geometry[block])
             share = block_rows(shares[block])
             steps = block_rows(coefficients[block])
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
-                fetch_force(forces, (at + k) * dimension)
-                fetch_moment(moments, (at + k) * matrix)
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
@@ -193,6 +195,7 @@ def pair_energies(algebra):
                 Cb = tensors.scaled(r * r, tensors.green(F, one))
                 put_column(strains, k, Cb)
                 put_column(added, k, (*tensors.scaled(zero, Cb), r))
+            rest_others(states, lanes, undeformed)
             evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their rows are reused for pressures and stored
             # energies.
@@ -219,7 +222,7 @@ def pair_energies(algebra):
                     B, b = tensors.step_in(step, k, one)
                     M, gained = tensors.take_step(B, b, Cb)
                     put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
-                    total += reference[counted, k] * (weight * gained)
+                    total += counted_at(reference, counted, lanes, k) * (weight * gained)
             for k in range(BLOCK):
                 F = algebra.matrix_column_at(sums, k)
                 V = like(F[0], reference[volume, k])
@@ -237,19 +240,20 @@ def pair_energies(algebra):
                 )
                 q = bonds[0, k] - drive * r * mean * third
                 P = algebra.plus_matrix(P, algebra.times_matrix(q, cofactor))
-                total += reference[counted, k] * result[3, k]
-                kept += reference[counted, k] * (bonds[1, k] + 0.5 * (mean - 3.0 * modulus))
+                total += counted_at(reference, counted, lanes, k) * result[3, k]
+                kept += counted_at(reference, counted, lanes, k) * (
+                    bonds[1, k] + 0.5 * (mean - 3.0 * modulus)
+                )
                 put_parts(bonds, sums, reference, k, P)
+            algebra.add_at_ends(sums, bonds, rows_of_ends, visit * BLOCK, sums_at_ends)
             for k in range(0, BLOCK, 4):
-                algebra.put_vectors(bonds, k, forces, at + k)
-                algebra.put_matrices(sums, k, moments, at + k)
                 fetch_geometry(geometry, (at + BLOCK + k) * geometry.shape[1])
                 fetch_shares(shares, (at + BLOCK + k) * 2)
                 for branch in range(moduli.shape[0]):
                     row = (block + 1) * coefficients.shape[1] + branch * tensors.STEP
                     fetch_steps(coefficients, row * BLOCK + k * tensors.STEP)
-            energies[block] = total
-            stored[block] = kept
+            energies[visit] = total
+            stored[visit] = kept
 
     return pair_energies
 

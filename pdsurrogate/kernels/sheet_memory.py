@@ -23,6 +23,7 @@ from .elementary import inverse_cube_root
 from .node_state import MOST_ITERATIONS, limited_step
 from .selective_energy import gradient_of_bond, parts_of_stress
 from .softening import soften, softening_factor
+from .sums import counted_at, visits_of
 
 plane = algebra_of(2)
 tensors = tensors_of(2)
@@ -225,13 +226,15 @@ def pair_energies(
     addresses of the law's response under plane stress and of its isochoric part, which softening
     needs, and its parameters. `memory` are the moduli of the branches over the shear modulus, the
     parameters of softening or none, and the coefficients of `selective_memory.begin_steps`. The
-    results are: `counts`, of which the first column stays as it is; energies of blocks of which
-    forces and moments are the derivatives, and those that are stored; forces and moments.
+    results are: `counts`, of which the first column stays as it is; energies of visits of which
+    forces and moments are the derivatives, and those that are stored; the walk that sums forces and
+    moments.
     """
     ends, geometry = pairs
     moduli, softening, coefficients = memory
     response, isochoric, parameters = law
-    counts, energies, stored, forces, moments = results
+    counts, energies, stored, walk = results
+    blocks, all_lanes, _, rows_of_ends, sums_at_ends = walk
     widest_vectors()
     sums = block_rows(buffers[chunk.thread])
     bonds, states, result, part, strains, added, known = parts_of(sums)
@@ -241,7 +244,9 @@ def pair_energies(
         modulus += moduli[branch]
     small = 0
     bad = 0
-    for block in share_of(geometry.shape[0], chunk):
+    for visit in visits_of(walk, chunk):
+        block = np.int64(blocks[visit])
+        lanes = all_lanes[visit, 0], all_lanes[visit, 1]
         at = block * BLOCK
         reference = block_rows(geometry[block])
         steps = block_rows(coefficients[block])
@@ -257,8 +262,8 @@ def pair_energies(
             # NaN is counted, too.
             few += 0.0 if states[1, k] > COLLAPSED else 1.0
         if few > 0.0:
-            small += int(few)
-            for k in range(BLOCK):
+            for k in range(lanes[0], lanes[1]):
+                small += 0 if states[1, k] > COLLAPSED else 1
                 bad += 0 if states[1, k] > 0.0 else 1
         call_block(response, states, parameters, result)
         # Rows 2 and 3 are no longer needed: they hold the stored energy and the potential.
@@ -284,7 +289,7 @@ def pair_energies(
                 B, b = tensors.step_in(step, k, 1.0)
                 M, gained = tensors.take_step(B, b, Cb)
                 put_column(added, k, tensors.combined(tensors.tensor_at(added, k), weight, M))
-                total += reference[counted, k] * (weight * gained)
+                total += counted_at(reference, counted, lanes, k) * (weight * gained)
         kept = 0.0
         for k in range(BLOCK):
             F = plane.matrix_column_at(sums, k)
@@ -297,17 +302,18 @@ def pair_energies(
             state = states[0, k], states[1, k], states[2, k]
             P = plane.first_piola(F, state, (result[0, k], result[1, k] - M[3] * z), V)
             P = plane.plus_matrix(P, plane.times_matrix(V * s, tensors.gradient_times(F, M)))
-            total += reference[counted, k] * result[3, k]
-            kept += reference[counted, k] * (result[2, k] + 0.5 * (mean - 3.0 * modulus))
+            total += counted_at(reference, counted, lanes, k) * result[3, k]
+            kept += counted_at(reference, counted, lanes, k) * (
+                result[2, k] + 0.5 * (mean - 3.0 * modulus)
+            )
             put_parts(bonds, sums, reference, k, P)
+        plane.add_at_ends(sums, bonds, rows_of_ends, visit * BLOCK, sums_at_ends)
         for k in range(0, BLOCK, 4):
-            plane.put_vectors(bonds, k, forces, at + k)
-            plane.put_matrices(sums, k, moments, at + k)
             row = (block + 1) * coefficients.shape[1] * BLOCK
             for branch in range(moduli.shape[0]):
                 fetch_steps(coefficients, row + (branch * BLOCK + k) * tensors.STEP)
-        energies[block] = total
-        stored[block] = kept
+        energies[visit] = total
+        stored[visit] = kept
     counts[chunk.number, 1] = small
     counts[chunk.number, 2] = bad
     return 0

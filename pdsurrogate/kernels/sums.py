@@ -6,9 +6,12 @@ The order of each sum does not depend on the number of threads.
 
 from functools import cache
 
+from ..engine.block_arrays import BLOCK, put_column
+from ..engine.compile import inlined
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import sum_weighted_rows
 from .algebra import ByDimension
+from .elementary import like
 
 
 @ByDimension
@@ -29,31 +32,57 @@ def sum_pair_forces(algebra):
         for i in share_of(out.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_signed_records(
-                forces, own, (incidence, incidence.shape[0]), others, unit, i, out
-            )
+            algebra.sum_signed_records(forces, own, incidence, others, unit, i, out)
             without_force += algebra.not_finite(algebra.vector_at(out, i))
         return without_force
 
     return sum_pair_forces
 
 
+@inlined
+def visits_of(walk, chunk):
+    """Return the range of the visits of a chunk to blocks of pairs, and clear the sums of its
+    slabs; a `walk` is that of `pdsurrogate.forces.walks`.
+    """
+    slabs = walk[2]
+    share = share_of(slabs.shape[0] - 1, chunk)
+    walk[4][slabs[share.start, 1] : slabs[share.stop, 1]] = 0.0
+    return range(slabs[share.start, 0], slabs[share.stop, 0])
+
+
+@inlined
+def rest_others(states, lanes, state):
+    """Give the pairs of a block that belong to another visit the undeformed `state`, with which
+    they do not count as outside of a domain.
+    """
+    for k in range(lanes[0]):
+        put_column(states, k, state)
+    for k in range(lanes[1], BLOCK):
+        put_column(states, k, state)
+
+
+@inlined
+def counted_at(reference, row, lanes, k):
+    """Return the volume of pair k that counts in a visit, in a row of the geometry; zero if the
+    pair belongs to another visit.
+    """
+    volume = reference[row, k]
+    return volume if (lanes[0] <= k) & (k < lanes[1]) else like(volume, 0.0)
+
+
 @ByDimension
-def sum_moments(algebra):
-    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs
-    it belongs to, times `unit`.
+def sum_at_points(algebra):
+    """Build the pass that sums the moments and forces of the pairs of every point and ghost, times
+    `unit`, from the sums of a walk: those of row ``rows[b]`` for b between two `pointers`.
     """
 
     @Pass
-    def sum_moments(chunk, moments, own_pointers, incidence_pointers, incidence, unit, out):
-        for i in share_of(out.shape[0], chunk):
-            own = own_pointers[i], own_pointers[i + 1]
-            others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(
-                moments, own, (incidence, incidence.shape[0]), others, unit, i, out
-            )
+    def sum_at_points(chunk, sums, pointers, rows, unit, moments, forces):
+        for i in share_of(pointers.shape[0] - 1, chunk):
+            entries = pointers[i], pointers[i + 1]
+            algebra.sum_at_point(sums, rows, entries, unit, i, moments, forces)
 
-    return sum_moments
+    return sum_at_points
 
 
 @ByDimension

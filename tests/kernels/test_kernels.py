@@ -53,16 +53,19 @@ def at_end(values):
     place = pages[size - values.nbytes : size].view(values.dtype).reshape(values.shape)
     place[...] = values
     return place
-add_up = vector_loads.sum_records(3, -1, fetched=True)
+add_up = vector_loads.sum_scaled_records(3)
 @kernel
-def total(records, listed, out):
-    add_up(records, (0, 5), (listed, listed.shape[0]), (0, listed.shape[0]), 1.0, 0, out)
-table, out = np.arange(15.0).reshape(5, 3), np.zeros((1, 3))
+def total(records, factors, listed, forces, moments):
+    ends = (listed, listed.shape[0]), (0, listed.shape[0])
+    add_up(records, factors, (0, 5), *ends, 0, (forces, moments))
+table = np.arange(60, dtype=np.float32).reshape(5, 12)
+found = np.zeros((1, 3), dtype=np.float32), np.zeros((1, 9), dtype=np.float32)
+factors = np.ones(5, dtype=np.float32)
 listed = np.array([4, 0, 1], dtype=np.uint32)
-total(table, at_end(listed), out)
-print(out.tolist())
-total(at_end(table), listed, out)
-print(out.tolist())
+total(table, factors, at_end(listed), *found)
+print(found[0].tolist())
+total(at_end(table), factors, listed, *found)
+print(found[0].tolist())
 """
 
 
@@ -90,7 +93,7 @@ def test_asking_for_memory_reads_nothing_beyond_the_arrays():
     run = subprocess.run(
         [sys.executable, "-c", AT_THE_END_OF_MEMORY], capture_output=True, text=True, check=False
     )
-    table = np.arange(15.0).reshape(5, 3)
+    table = np.arange(60.0).reshape(5, 12)[:, :3]
     expected = f"{[(table.sum(axis=0) - table[[4, 0, 1]].sum(axis=0)).tolist()]}\n"
     assert (run.returncode, run.stdout) == (0, 2 * expected), run.stderr
 
