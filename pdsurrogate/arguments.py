@@ -177,6 +177,15 @@ and ellipse are similar (0.92), cube and tube are not (0.75).
 """
 
 
+def check_known(
+    word: Any, known: Iterable[str], unknown: str, otherwise: str = "there are"
+) -> None:
+    """Raise ValueError with the text `unknown` and a `suggestion` unless a word is known."""
+    known = list(known)
+    if word not in known:
+        raise ValueError(f"{unknown}; {suggestion(str(word), known, otherwise)}")
+
+
 def suggestion(
     word: str, known: Iterable[str], otherwise: str = "there are", unlisted: Iterable[str] = ()
 ) -> str:

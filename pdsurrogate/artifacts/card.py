@@ -275,7 +275,7 @@ class IdentificationEntries(StrictModel):
     tearing : dict of TearingEntries, optional
         Tearing energy by mode ("trouser", "pure-shear-tear"), if there were tear tests.
     **extra_data
-        Results of the identification, as `pdsurrogate.identification.report` gives them; they
+        Results of the identification, as ``pdsurrogate identify`` reports them; they
         inform people.
     """
 
@@ -533,11 +533,11 @@ def read_card(path: Path) -> Card:
         raise ArtifactError(f"{where}: format: this is not the card of a pdsurrogate artifact")
     schema = content.get("schema_version")
     if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
-        readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
-        remedy = (
-            "upgrade pdsurrogate to read a newer card; fit an artifact with an older card again"
+        raise ArtifactError(
+            f"{where}: schema_version: this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION},"
+            f" not {kind_of(schema)}: upgrade pdsurrogate to read a newer card; fit an artifact"
+            " with an older card again"
         )
-        raise ArtifactError(f"{where}: schema_version: {readable}, not {kind_of(schema)}: {remedy}")
     try:
         return checked_card(content)
     except (ArtifactError, RecursionError) as error:

@@ -79,12 +79,11 @@ def with_material(scene: Scene, reference: str | Path | None) -> tuple[Scene, Fo
     card = load_card(reference)
     rms = card.errors["box"]["on_surface"]["rms"]
     if rms > NOTED:
-        off = (
-            f"according to its card, {model.name} has an RMS error of {100 * rms:.2g} % relative to"
-            f" {card.material.law}"
-        )
         warnings.warn(
-            f"{off}; results are not more accurate than that; force=analytic is exact", stacklevel=3
+            f"according to its card, {model.name} has an RMS error of {100 * rms:.2g} % relative"
+            f" to {card.material.law}; results are not more accurate than that; force=analytic is"
+            " exact",
+            stacklevel=3,
         )
     is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
@@ -101,10 +100,9 @@ def with_material(scene: Scene, reference: str | Path | None) -> tuple[Scene, Fo
         except ValueError:  # the model contradicts its own card
             raise SceneError(f"scene {scene.name}: {error}") from None
         if own is not None and not is_example:
-            flag = f"--set 'material={in_words(described)}'"
             raise SceneError(
                 f"scene {scene.name}: material: {error}; to use the material of {model.name}, add"
-                f" {flag}"
+                f" --set 'material={in_words(described)}'"
             ) from None
     if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)

@@ -98,12 +98,9 @@ def _card_of(folder: Path) -> Card:
     with reading():
         card = read_card(folder / CARD)
     if card.stated_digest() not in (None, card.found_digest()):
-        changed = (
-            f"{', '.join(DIGESTED)} or training.identification have changed since the artifact was"
-            " stored"
-        )
         raise ArtifactError(
-            f"{folder / CARD}: digest: {changed}: restore the card, or store the artifact again"
+            f"{folder / CARD}: digest: {', '.join(DIGESTED)} or training.identification have"
+            " changed since the artifact was stored: restore the card, or store the artifact again"
         )
     return card
 

@@ -35,9 +35,6 @@ which on a cause is sought: those of laws differ by less.
 FEWEST = 10
 """Fewest places by which mistakes are told from each other, and by which a map is fitted."""
 
-MOST_ROWS = 800
-"""Most displacements by which mistakes are tried: the residuals are then known to 5 %."""
-
 FIXED = 1e-9
 """Standard deviation of what is not fitted."""
 
@@ -114,7 +111,8 @@ def cause_of(trial: Trial, repaired: float = REPAIRED) -> str | None:
     if len(places) < FEWEST:
         return None
     order = np.random.default_rng(0).permutation(len(places))[at.ravel()]
-    trial = replace(trial, sight=trial.sight.of(order < MOST_ROWS / len(trial.steps)))
+    # By 800 displacements the residuals are known to 5 %.
+    trial = replace(trial, sight=trial.sight.of(order < 800 / len(trial.steps)))
     given = trial.fit(trial.sight, trial.image)
     zero = (trial.sight.displacements == 0).all(axis=1)
     squares = given.residuals**2

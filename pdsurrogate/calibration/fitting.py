@@ -58,14 +58,8 @@ SETTLED = 0.1
 discretization error is not computed again.
 """
 
-MOST_STEPS = 60
-"""Most laws that a search tries: well-posed fits take five to ten."""
-
 MEMBERS = 8
 """Number of laws that are drawn: their spread is then known to some 25 %."""
-
-MOST_COMPARED = 100
-"""Most states of the tests in which the stresses of a drawn law are compared with linear ones."""
 
 ADVICE = (
     "give places and displacements in the unit of length and along the axes of the scene, and the"
@@ -173,7 +167,7 @@ def _searched(model, search: Search, x: np.ndarray) -> tuple[SimpleNamespace, np
                 ftol=close,
                 xtol=1e-8,
                 gtol=1e-12,
-                max_nfev=MOST_STEPS,
+                max_nfev=60,  # well-posed fits take five to ten
             )
         before = x
         x = found.x
@@ -316,19 +310,14 @@ def _store(model, x, space, found, residuals, remaining, free) -> None:
     covariance = inverse @ inverse.T * max(1.0, model.lack_of_fit_ if free > 0 else 1.0)
     change = inverse @ remaining
     covariance += np.outer(change, change)
-    unknown = (
-        (np.abs(right[~known]) > SHARE).any(axis=0)
-        if not known.all()
-        else np.zeros(len(x), dtype=bool)
-    )
+    unknown = (np.abs(right[~known]) > SHARE).any(axis=0)
     doubtful = ~known | (1 / np.where(known, singular, 1.0) > UNDETERMINED)
     named = (np.abs(right[doubtful]) > SHARE).any(axis=0)
     model.undetermined_ = names[named].tolist()
     covariance = covariance * np.outer(scales, scales)
     errors = np.sqrt(np.diag(covariance))
-    model.correlation_ = covariance / np.outer(
-        np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0)
-    )
+    errors[errors == 0] = 1.0
+    model.correlation_ = covariance / np.outer(errors, errors)
     covariance[unknown, unknown] = np.inf
     model.covariance_ = covariance
     model.standard_errors_ = np.sqrt(np.diag(covariance))
@@ -347,7 +336,8 @@ def _drawn(model, x, space, jacobian, residuals, visited) -> list[Law]:
     """
     if not np.isfinite(model.covariance_).all():
         return []
-    states = visited[:: -(-len(visited) // MOST_COMPARED), :2]
+    # The stresses of a drawn law are compared with linear ones in at most a hundred states.
+    states = visited[:: -(-len(visited) // 100), :2]
     sizes = space.sizes(x)
     variances, axes = np.linalg.eigh(model.covariance_ / np.outer(sizes, sizes))
     deviations = np.sqrt(np.maximum(variances, 1e-14 * variances.max()))

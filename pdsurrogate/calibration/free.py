@@ -13,19 +13,9 @@ from ..materials import Law
 from ..materials.dictionary import OF_INVARIANTS, Term
 from ..materials.polyconvex import law_of, stiffness_of
 
-GROUP = 13
-"""Number of neighboring places whose residuals of all steps are summed to see whether they are
-independent.
-"""
-
 FLOOR = 3e-6
 """Least coefficient in the search, relative to the greatest: differences over a millionth of the
 greatest do not make it negative.
-"""
-
-MET = 100.0
-"""Norm of the equation for the sum of the forces, divided by that of all other equations: the
-sum is then fitted to 1e-4.
 """
 
 HALVINGS = 6
@@ -97,7 +87,8 @@ def scaled(
     if not forces.any():
         return jacobian, right
     row = np.append(right[forces] @ jacobian[forces], right[forces] @ right[forces])
-    row *= MET * np.linalg.norm(jacobian) / np.linalg.norm(row[:-1])
+    # A norm a hundred times that of all other equations: the sum is then fitted to 1e-4.
+    row *= 100.0 * np.linalg.norm(jacobian) / np.linalg.norm(row[:-1])
     return np.vstack([jacobian, row[:-1]]), np.append(right, row[-1])
 
 
@@ -149,7 +140,7 @@ def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -
     for axis in np.unique(component):
         here = component == axis
         where, at = np.unique(places[here], axis=0, return_inverse=True)
-        near = cKDTree(where).query(where, min(GROUP, len(where)))[1].reshape(len(where), -1)
+        near = cKDTree(where).query(where, min(13, len(where)))[1].reshape(len(where), -1)
         sums = np.bincount(at.ravel(), residuals[here], len(where))[near].sum(axis=1)
         total += float((sums**2).sum())
         count += int(np.bincount(at.ravel(), minlength=len(where))[near].sum())

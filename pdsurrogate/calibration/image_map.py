@@ -28,12 +28,6 @@ GIVEN = 0.02
 in images are better.
 """
 
-MOST_STEPS = 15
-"""Most Gauss-Newton steps of a map. From a start within a tenth they take three to six."""
-
-CLOSE = 0.01
-"""Change of the displacements, rms in standard deviations, at which such steps end."""
-
 
 @dataclass(frozen=True, eq=False)
 class ImageMap:
@@ -251,7 +245,7 @@ def fit_map(
     deviations: np.ndarray,
     x: np.ndarray | None = None,
     robust: bool = True,
-    most: int = MOST_STEPS,
+    most: int = 15,  # from a start within a tenth three to six steps do
 ) -> Fit:
     """Fit the unknowns of a map, whose values are 0 +- `deviations` at the start, to measured
     displacements.
@@ -287,7 +281,8 @@ def fit_map(
             scaled.T @ (root * residuals.ravel()) - x / deviations,
         )
         change /= max(1.0, np.abs(change).max() / 3)  # no farther than three deviations at once
-        if ((scaled @ change) ** 2).sum() < CLOSE**2 * count:
+        # rms change of the displacements in standard deviations
+        if ((scaled @ change) ** 2).sum() < 0.01**2 * count:
             break
         x = x + deviations * change
     return Fit(x, found, residuals, weights, jacobian)

@@ -15,11 +15,6 @@ from .image_map import Fit, ImageMap, fit_map, weights_of
 from .measured import MeasuredScene
 from .scatter import Rows
 
-BESIDE = 1.0
-"""Distance, in cells, from the nearest point, beyond which places are moved towards the body: a
-trial of the map may move them out, where there is no motion.
-"""
-
 WIDTH = 0.25
 """Half the distance, in cells, of places whose displacements give the gradient, and the motion of a
 place from which on the gradient is taken anew.
@@ -190,6 +185,8 @@ class ImagedScene(MeasuredScene):
     def _places_in(self, body: Body) -> np.ndarray:
         """Return the places, those outside the body at its nearest points."""
         distance, near = cKDTree(body.points).query(self._places)
-        most = np.where(self._beside, 0.0, BESIDE * np.max(body.cell))
+        # A trial of the map may move places out, where there is no motion: those farther than a
+        # cell from the nearest point are moved towards the body.
+        most = np.where(self._beside, 0.0, np.max(body.cell))
         share = np.minimum(1.0, most / np.maximum(distance, 1e-300))
         return body.points[near] + share[:, None] * (self._places - body.points[near])

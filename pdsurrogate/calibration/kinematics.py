@@ -11,12 +11,6 @@ from scipy.spatial import cKDTree
 from ..results import Result
 from .image_map import GIVEN, LOOSE, Fit, ImageMap, Sight, fit_map
 
-NEAR = 4
-"""Number of points from which the motion at a place is taken."""
-
-MOST_PLACES = 150
-"""Most places of a step by which a start is found."""
-
 SIZES = (1.0, 0.9, 1.1, 0.8, 0.65, 0.5)
 """Scales that are tried, in those at which the cloud of measured places just fits into the body:
 it may be smaller, or have some points beside the body.
@@ -97,7 +91,7 @@ class Kinematics:
         The motion is expanded about the nearest points with the mean of the gradients here and
         there, so that quadratic motions are exact where gradients are.
         """
-        distance, near = self._tree.query(places, NEAR)
+        distance, near = self._tree.query(places, 4)
         weights = 1 / (distance + 1e-6 * self.cell.max()) ** 2
         weights /= weights.sum(axis=1, keepdims=True)
         step = index[:, None]
@@ -169,9 +163,9 @@ def _about(start: ImageMap, body: Kinematics, pixels_per, origin) -> np.ndarray:
 
 
 def _some(sight: Sight, rows: np.ndarray) -> np.ndarray:
-    """Return at most `MOST_PLACES` of rows, spread evenly over their order in space."""
+    """Return at most 150 of rows, spread evenly over their order in space."""
     order = rows[np.lexsort(sight.places[rows].T)]
-    return order[np.unique(np.linspace(0, len(order) - 1, MOST_PLACES).round().astype(int))]
+    return order[np.unique(np.linspace(0, len(order) - 1, 150).round().astype(int))]
 
 
 def _right_angles(d: int) -> list[np.ndarray]:

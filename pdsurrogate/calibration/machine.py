@@ -14,9 +14,6 @@ from ..results.tables import column_name
 from ..scenes import Scene
 from .asked import times_of
 
-ROUNDED = 1e-9
-"""Time by which a step may lie beyond those of a table, over its duration."""
-
 
 def is_machine(path: Path) -> bool:
     """Return whether a table has no column ``step``, the form of measurements of this package."""
@@ -78,7 +75,7 @@ def machine_forces(
         wanted = times_of(scene) * factor(units.time or "s", "s")
     if count == len(wanted):
         clock = _seconds(path, block)
-        slack = ROUNDED * np.ptp(clock)
+        slack = 1e-9 * np.ptp(clock)
         if (
             not (np.diff(clock) > 0).all()
             or wanted.min() < clock[0] - slack

@@ -294,7 +294,7 @@ class MeasuredScene:
                     for way in (1, -1)
                 )
                 effects.append((changed + (ahead - behind) / (2 * width)) / change)
-            jacobian[here] = np.stack(effects[1:], axis=1)
+            jacobian[here] = np.column_stack(effects[1:])
             right[here] = y[here] - values - effects[0] + jacobian[here] @ start
         return jacobian, right
 
@@ -349,7 +349,7 @@ class MeasuredScene:
         """
         field = self.rows.is_field
         counts = np.unique(
-            np.stack([self.rows.step, self.rows.quantity, self._entry_of], axis=1)[field], axis=0
+            np.column_stack([self.rows.step, self.rows.quantity, self._entry_of])[field], axis=0
         )[:, :2]
         return (
             bool(field.any())

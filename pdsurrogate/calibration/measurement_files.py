@@ -68,8 +68,10 @@ def read_columns(
         raise ValueError(f"{path}: there are several tables, of which one is needed")
     table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
     if missing := [name for name in columns if name not in table]:
-        found = f"there is no {missing[0]} among {', '.join(table)}"
-        raise ValueError(f"{path}: the columns must be {', '.join(columns)}; {found}")
+        raise ValueError(
+            f"{path}: the columns must be {', '.join(columns)}; there is no {missing[0]} among"
+            f" {', '.join(table)}"
+        )
     names = [*columns, *(name for name in table if name not in columns and others(name))]
     places = [f"{path}, line {line}" for line in lines]
     for name in names:

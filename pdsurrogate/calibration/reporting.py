@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
 from ..identification.reporting import parameters_of, plain
-from ..results.figures import DIVERGING, STYLE, spread
+from ..results.figures import DIVERGING, spread, styled
 from ..results.places import columns_of_measured
 from .regressor import SceneRegressor
 from .scatter import Rows
@@ -27,11 +26,6 @@ POOR = 1.5
 
 MANY = 0.05
 """Share of displacements far from the fit above which they are no outliers."""
-
-MOST_MAPS = 5
-"""Greatest number of steps whose residuals are drawn, evenly chosen with the last one: maps of
-more would be too small to read.
-"""
 
 
 def _quantities(X: np.ndarray, columns: Sequence[str]) -> dict[str, np.ndarray]:
@@ -67,7 +61,7 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
             }
     stresses = {}
     for mode, stretches in STRETCHES.items():
-        states = np.stack([np.array(stretches), MODES[mode](np.array(stretches))], axis=1)
+        states = np.column_stack([np.array(stretches), MODES[mode](np.array(stretches))])
         found = zip(stretches, *model.nominal_stress(states), strict=True)
         stresses[mode] = [
             {"stretch": at, "nominal_stress": plain(stress), "standard_error": plain(error)}
@@ -90,8 +84,10 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray, columns: Sequenc
             " of its value."
         )
     if model.at_bound_:
-        other = "another law may fit better, or a unit of the data is not that of the scene"
-        remarks.append(f"{', '.join(model.at_bound_)} reached a bound of the search: {other}.")
+        remarks.append(
+            f"{', '.join(model.at_bound_)} reached a bound of the search: another law may fit"
+            " better, or a unit of the data is not that of the scene."
+        )
     if model.lack_of_fit_ > POOR:
         remarks.append(
             f"The law leaves residuals of {model.lack_of_fit_**0.5:.2g} standard deviations: the"
@@ -181,28 +177,19 @@ def figures(
         for name, here in _quantities(X, columns).items()
         if name != "fields" and here.any()
     }
-    with matplotlib.rc_context(STYLE):
-        if shown:
-            found["outputs"] = drawn = Figure(figsize=(3.4, 2.6 * len(shown)), layout="constrained")
-            for axis, (name, here) in zip(
-                drawn.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True
-            ):
+    if shown:
+        with styled(3.4, 2.6 * len(shown)) as found["outputs"]:
+            axes = found["outputs"].subplots(len(shown), squeeze=False)[:, 0]
+            for axis, (name, here) in zip(axes, shown.items(), strict=True):
                 steps, measured, off = np.array(_steps(model, X, y, here)).T
                 deviation = model.standard_deviations_[here][np.argsort(X[here, 0], kind="stable")]
-                axis.errorbar(
-                    steps,
-                    measured,
-                    2 * deviation,
-                    fmt="ko",
-                    ms=3.5,
-                    mfc="none",
-                    label="measured, ±2σ",
-                )
+                style = {"fmt": "ko", "ms": 3.5, "mfc": "none", "label": "measured, ±2σ"}
+                axis.errorbar(steps, measured, 2 * deviation, **style)
                 axis.plot(steps, measured - off, "-", lw=1, label=f"{model.law_.name}, fitted")
                 axis.set(xlabel="step", ylabel=name, xticks=steps)
                 axis.legend()
-        if (X[:, 1] > 0).any():
-            found["residuals"] = _residual_maps(model, X)
+    if (X[:, 1] > 0).any():
+        found["residuals"] = _residual_maps(model, X)
     return found
 
 
@@ -213,22 +200,23 @@ def _residual_maps(model: SceneRegressor, X: np.ndarray) -> Figure:
     field = X[:, 1] > 0
     steps = np.unique(X[field, 0])
     components = np.unique(X[field, 1]).astype(int)
-    steps = steps[spread(len(steps), MOST_MAPS)]
+    # Maps of more steps than five would be too small to read.
+    steps = steps[spread(len(steps), 5)]
     reach = np.ptp(X[field, 2:4], axis=0)
     width = 1.3
     size = (
         width * len(steps) + 0.9,
         (width * reach[1] / max(reach[0], 1e-9) + 0.35) * len(components) + 0.3,
     )
-    drawn = Figure(figsize=np.minimum(size, 12), layout="constrained")
-    axes = drawn.subplots(len(components), len(steps), squeeze=False, sharex=True, sharey=True)
-    for line, component in zip(axes, components, strict=True):
-        for axis, step in zip(line, steps, strict=True):
-            here = field & (X[:, 0] == step) & (X[:, 1] == component)
-            off = model.residuals_[here] / model.standard_deviations_[here]
-            colors = axis.scatter(
-                *X[here, 2:4].T, c=off, s=4, cmap=DIVERGING, vmin=-4, vmax=4, linewidths=0
-            )
-            axis.set(title=f"u{component}, step {step:g}", aspect="equal")
-    drawn.colorbar(colors, ax=axes, label="(measured - fit) / σ", shrink=0.6)
+    with styled(*np.minimum(size, 12)) as drawn:
+        axes = drawn.subplots(len(components), len(steps), squeeze=False, sharex=True, sharey=True)
+        for line, component in zip(axes, components, strict=True):
+            for axis, step in zip(line, steps, strict=True):
+                here = field & (X[:, 0] == step) & (X[:, 1] == component)
+                off = model.residuals_[here] / model.standard_deviations_[here]
+                colors = axis.scatter(
+                    *X[here, 2:4].T, c=off, s=4, cmap=DIVERGING, vmin=-4, vmax=4, linewidths=0
+                )
+                axis.set(title=f"u{component}, step {step:g}", aspect="equal")
+        drawn.colorbar(colors, ax=axes, label="(measured - fit) / σ", shrink=0.6)
     return drawn

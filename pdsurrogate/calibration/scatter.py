@@ -61,7 +61,7 @@ class Rows:
         field = self.is_field
         index = np.searchsorted(steps, self.step[field])
         places, at = np.unique(self.places[field], axis=0, return_inverse=True)
-        pairs, point = np.unique(np.stack([index, at.ravel()], axis=1), axis=0, return_inverse=True)
+        pairs, point = np.unique(np.column_stack([index, at.ravel()]), axis=0, return_inverse=True)
         entry = point.ravel(), self.quantity[field] - 1
         displacements = np.full((len(pairs), places.shape[1]), np.nan)
         weights = np.zeros(displacements.shape)

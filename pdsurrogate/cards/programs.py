@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any, NamedTuple
 
-from ..arguments import suggestion
+from ..arguments import check_known, suggestion
 from ..materials import LAWS
 from .constants import constants_of, law_keys
 
@@ -215,16 +215,12 @@ def keys_of_constants(convention: str, law: str, given: Mapping[str, float]) -> 
     {'law': 'mooney-rivlin', 'second_share': 0.5, 'shear_modulus': 1.0, 'bulk_modulus': 100.0}
     """
     programs = {name.removesuffix("-card"): program for name, program in PROGRAMS.items()}
-    if convention not in programs:
-        choice = suggestion(convention, sorted(programs))
-        raise ValueError(f"unknown convention {convention!r}; {choice}")
+    check_known(convention, sorted(programs), f"unknown convention {convention!r}")
     own = programs[convention].forms
     forms = {form.keys[0] if form.other else law: form for law, form in own.items()}
     if law in own and law not in forms:
         raise ValueError(f"{own[law].other}: write law = {own[law].keys[0]!r} if it is that one")
-    if law not in forms:
-        choice = suggestion(law, sorted(forms), "it has")
-        raise ValueError(f"{convention} has no law {law!r}; {choice}")
+    check_known(law, sorted(forms), f"{convention} has no law {law!r}", "it has")
     form = forms[law]
     fields = [
         each

@@ -177,16 +177,14 @@ def calibrate(
         write = settings.train(model.law_, model.domain_hull_, {"data": data, **found})
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
-        write_json(
-            folder / "calibration.json",
-            {"artifact": str(path), **found, "seconds": seconds},
-        )
+        found = {"artifact": str(path), **found, "seconds": seconds}
+        write_json(folder / "calibration.json", found)
         for which, drawn in reporting.figures(model, X, y, [*outputs]).items():
             figures.save(drawn, folder / f"calibration-{which}.png")
         if fields:  # for `show --html`, which shows both
             simulate(with_law(test, model.law_), FORCE, folder=folder / RUN, overwrite=True)
             write_columns(folder / RUN / MEASURED, reporting.measured_fields(model, X, y))
-    print_json({"artifact": str(path), **found, "seconds": seconds})
+    print_json(found)
     note(f"Wrote {path}, and the report in {folder}")
 
 

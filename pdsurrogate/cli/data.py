@@ -51,15 +51,13 @@ MARK = "# Test data, written by pdsurrogate data\n"
 
 
 class Seen(NamedTuple):
-    """Description of files: their name, plain values for JSON, tables by title, remarks, what is
-    missing, and a function that draws them.
+    """Description of files: their name, plain values for JSON with remarks and what is missing,
+    tables by title, and a function that draws them.
     """
 
     name: str
     values: dict[str, Any]
     tables: dict[str, Sequence[dict]]
-    remarks: Sequence[str]
-    missing: Sequence[str]
     draw: Callable[[], Figure]
 
 
@@ -101,9 +99,9 @@ def data(
     for one in seen:
         for title, rows in one.tables.items():
             print_rows(title, [{k: _in_words(v) for k, v in row.items()} for row in rows])
-        for text in one.remarks:
+        for text in one.values["remarks"]:
             note(text)
-        for text in one.missing:
+        for text in one.values.get("missing", ()):
             warn(f"missing: {text}")
     print_json([one.values for one in seen])
     for one in seen if plot else ():
@@ -156,8 +154,6 @@ def _seen_mesh(file: str) -> Seen:
         Path(file).stem,
         {**values, **summary, "groups": groups, "remarks": list(found.remarks)},
         {f"{file}: {found.form}": elements, "Body": facts, "Groups": groups},
-        found.remarks,
-        (),
         lambda: measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, file),
     )
 
@@ -187,8 +183,6 @@ def _seen_field(form: str, files: Sequence[str], unit: str | None, up: bool | No
             f"{name}: {form}": [{"field": key, "value": one} for key, one in values.items()],
             f"Displacements ({values['unit']})": rows,
         },
-        field.notes,
-        (),
         lambda: measured.field_figure(field),
     )
 
@@ -250,8 +244,6 @@ def _seen_tests(read: MechanicalTests) -> Seen:
             with_unit(AT_BREAK, read.unit): broken,
             with_unit("Tears: nominal stress", read.unit): torn,
         },
-        read.assumed,
-        read.missing,
         lambda: _drawn_tests(read),
     )
 

@@ -11,7 +11,7 @@ from ..artifacts.store import load_card, load_surrogate
 from ..identification import figure, load_test_data, reporting
 from ..identification.campaign import TestFacts
 from ..identification.data import TestData
-from ..identification.history_report import fitted_history, report_of_history
+from ..identification.history_report import report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import StressRegressor, bulk_arguments
 from ..learning.fitting import TooInexact
@@ -27,7 +27,7 @@ from .identify import (
     FallingTimes,
     Softens,
     Terms,
-    number_of_branches,
+    memory_of,
     print_break,
     print_by_mode,
     print_identified,
@@ -101,36 +101,29 @@ def fit(
         )
     law = law or "neo-hookean"
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    history = softening or falling_times or branches is not None
+    memory = memory_of(branches, softening, falling_times)
     if data is None:
-        if bulk or force_fit or free or history or facts.stated():
-            options = (
+        if bulk or force_fit or free or memory or facts.stated():
+            raise ValueError(
                 "--free, --branches, --softening, --falling-times, --bulk-modulus, --bulk-ratio,"
-                " --force-fit and what is said of tests"
+                " --force-fit and what is said of tests need --data; without data, set parameters"
+                " with --set"
             )
-            raise ValueError(f"{options} need --data; without data, set parameters with --set")
-        tests = None
-        report = None
-        hull = None
+        tests = report = hull = None
         material = law_of(law, change)
     else:
         if change:
             raise ValueError(
                 "--data identifies the parameters of the law, --set sets them: choose one"
             )
-        name_of_law = None if free else law
         with Bar(f"Fitting {'an energy' if free else law} to {', '.join(data)}"):
-            rows = load_test_data(*data, history=history, **facts.stated())
-            if not history:
-                model = reporting.fitted(rows, name_of_law, terms or N_TERMS, bulk)
-                report = reporting.examined(model, rows)
-                tests = (rows, model)
-            else:  # bond forces have no history: the artifact is of the elastic energy
-                memory = number_of_branches(branches), terms or N_TERMS, softening, falling_times
-                model = fitted_history(rows, name_of_law, *memory, bulk)
-                report = report_of_history(model, rows)
-                tests = None
-                settings = settings.model_copy(update={"energy": True})
+            rows = load_test_data(*data, history=bool(memory), **facts.stated())
+            name_of_law = None if free else law
+            model = reporting.fitted(rows, name_of_law, terms or N_TERMS, bulk, **memory)
+            report = (report_of_history if memory else reporting.examined)(model, rows)
+        tests = None if memory else (rows, model)
+        if memory:  # bond forces have no history: the artifact is of the elastic energy
+            settings = settings.model_copy(update={"energy": True})
         material = model.law_
         if free:
             settings = settings.within(*model.stretch_range_)

@@ -1,15 +1,14 @@
 """Command ``identify``, which finds parameters of laws from test data."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from ..identification import TestData, figure, fitted_laws, load_test_data, reporting
 from ..identification.campaign import TestFacts
-from ..identification.history_regressor import MOST_STATED, HistoryRegressor
-from ..identification.history_report import figure_of_history, fitted_history, report_of_history
+from ..identification.history_regressor import MOST_STATED
+from ..identification.history_report import figure_of_history, report_of_history
 from ..identification.regressor import N_TERMS
 from ..identification.stress_regressor import bulk_arguments
 from ..results import figures
@@ -75,17 +74,23 @@ FallingTimes = Annotated[
 ]
 
 
-def number_of_branches(branches: str | None) -> int | None:
-    """Return the number of branches that an option states, None for a choice of the number."""
-    if branches is None:
-        return 0
-    if branches == "auto":
-        return None
-    if not branches.isdigit() or int(branches) > MOST_STATED:
+def memory_of(branches: str | None, softening: bool, falling_times: bool) -> dict[str, Any]:
+    """Return the arguments of a `HistoryRegressor` that options state, none without such options.
+
+    The number of branches is None for a choice of the number.
+    """
+    if branches is None and not (softening or falling_times):
+        return {}
+    number = branches or "0"
+    if number != "auto" and not (number.isdigit() and int(number) <= MOST_STATED):
         raise ValueError(
             f"--branches must be auto, or a number from 0 to {MOST_STATED}, not {branches!r}"
         )
-    return int(branches)
+    return {
+        "branches": None if number == "auto" else int(number),
+        "softening": softening,
+        "falling_times": falling_times,
+    }
 
 
 @with_fields(facts=TestFacts)
@@ -119,28 +124,28 @@ def identify(
     given.
     """
     names = law or fitted_laws()
-    history = softening or falling_times or branches is not None
-    rows = load_test_data(*data, history=history, **facts.stated())
+    memory = memory_of(branches, softening, falling_times)
+    rows = load_test_data(*data, history=bool(memory), **facts.stated())
     if terms is not None and "ogden" not in names:
         raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     check_folder(folder, "identify.json", overwrite)
-    if history:
+    if memory:
         if stretch is not None or hold_out:
             raise ValueError("--up-to and --hold-out do not go with --branches and --softening")
         if terms is not None and law is None:
             raise ValueError("--terms needs --law ogden; without --law an energy is identified")
-        memory = number_of_branches(branches), terms or N_TERMS, softening, falling_times, bulk
-        with Bar(rows.name):
-            fits = [fitted_history(rows, name, *memory) for name in law or [None]]
-        _report_histories(rows, fits, folder)
-        return
     if stretch is not None:
         rows = rows.up_to(stretch)
+    n_terms = terms or N_TERMS
     with Bar(rows.name):
-        models, reports, held_out = reporting.identify(
-            rows, names, terms or N_TERMS, bulk, hold_out
-        )
+        if memory:
+            models = [
+                reporting.fitted(rows, name, n_terms, bulk, **memory) for name in law or [None]
+            ]
+            reports, held_out = [report_of_history(model, rows) for model in models], []
+        else:
+            models, reports, held_out = reporting.identify(rows, names, n_terms, bulk, hold_out)
     for report in reports:
         print_identified(report)
     print_break(rows)
@@ -164,23 +169,9 @@ def identify(
     if folder is not None:
         with writing(folder):
             write_json(folder / "identify.json", {"laws": reports})
-            figures.save(figure(models, rows), folder / "identify.png")
-        note(f"Results in {folder}")
-
-
-def _report_histories(rows: TestData, models: list[HistoryRegressor], folder: Path | None) -> None:
-    """Print the reports of fits of laws with memory, and write them."""
-    reports = [report_of_history(model, rows) for model in models]
-    for report in reports:
-        print_identified(report)
-        for text in (*report["refusals"], *report["remarks"]):
-            warn(text)
-    print_break(rows)
-    print_json({"laws": reports})
-    if folder is not None:
-        with writing(folder):
-            write_json(folder / "identify.json", {"laws": reports})
-            for model in models:
+            if not memory:
+                figures.save(figure(models, rows), folder / "identify.png")
+            for model in models if memory else ():
                 name = "identify" if len(models) == 1 else f"identify-{model.law}"
                 figures.save(figure_of_history(model, rows), folder / f"{name}.png")
         note(f"Results in {folder}")

@@ -151,13 +151,11 @@ def print_result(result: Result) -> None:
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     if summary.get("ranks", 1) > 1:
         threads = f"{summary['ranks']} ranks of {threads}"
-    cost = (
-        f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f}"
-        " ns per directed bond"
-    )
     out.print(
-        f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total,"
-        f" {summary['seconds_compile']:.1f} s of it compilation"
+        f"{summary['n_force_evaluations']} force evaluations,"
+        f" {summary['ns_per_directed_bond']:.2f} ns per directed bond on"
+        f" {threads}\n{summary['seconds_total']:.1f} s in total, {summary['seconds_compile']:.1f}"
+        " s of it compilation"
     )
 
 

@@ -45,17 +45,18 @@ def study(
 ) -> None:
     """Carry out the runs of a study that are not finished yet, and write its table and figure."""
     folder = Path(description.stem) if folder is None else folder
-    options = {
-        "jobs": jobs,
-        "threads": threads,
-        "scheduler": scheduler,
-        "overwrite": overwrite,
-        "max_time": max_time,
-    }
     interrupted = None
     try:
         with writing(folder), Bar(description.stem):
-            result = studies.study(description, folder, **options)
+            result = studies.study(
+                description,
+                folder,
+                jobs=jobs,
+                threads=threads,
+                scheduler=scheduler,
+                overwrite=overwrite,
+                max_time=max_time,
+            )
     except studies.StudyInterrupted as error:
         interrupted = error
         result = error.result
@@ -77,9 +78,9 @@ def study(
     if result.failures:
         raise typer.Exit(FAILED)
     if result.not_done:
-        late = f"{len(result.not_done)} runs reached --max-time"
         raise ended(
             INTERRUPTED,
-            f"{late}; repeat the command to resume them from their checkpoints",
+            f"{len(result.not_done)} runs reached --max-time; repeat the command to resume them"
+            " from their checkpoints",
             WARNING,
         )

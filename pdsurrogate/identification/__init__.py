@@ -5,7 +5,7 @@ from .energy import EnergyRegressor
 from .examination import Examination, TestDataWarning, examine, fit_to_tests
 from .history_regressor import HistoryRegressor
 from .regressor import LawRegressor, fitted_laws
-from .reporting import differences, figure, held_out_modes, report
+from .reporting import differences, figure, held_out_modes
 from .stress_regressor import free_sides, nominal_stress
 
 __all__ = [

@@ -175,7 +175,7 @@ def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
     lateral = np.where(free_sides(first, second), np.sqrt(volume / first), second)
     l1 = first * volume ** (-1 / 3)
     l2 = lateral * volume ** (-1 / 3)
-    return np.stack([l1, l2, 1 / (l1 * l2)], axis=1)
+    return np.column_stack([l1, l2, 1 / (l1 * l2)])
 
 
 def columns_of(stretches: np.ndarray, first: np.ndarray, terms: Sequence[Term]) -> np.ndarray:

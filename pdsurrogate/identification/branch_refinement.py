@@ -38,12 +38,6 @@ EXPONENTS = 2
 which they do so in equal parts of it. Chosen: stresses below a tenth of the greatest tell little.
 """
 
-STEEPEST = 10.0
-"""Greatest power by which times fall."""
-
-MOST_EVALUATIONS = 100
-"""Most evaluations of a refinement; a few tens are usual."""
-
 
 class Form(NamedTuple):
     """Parameters of a law with memory, in their order: those of the elastic energy, of softening,
@@ -212,7 +206,7 @@ def refine(problem: Problem, form: Form, start: np.ndarray) -> Refined:
         xtol=1e-8,
         ftol=1e-8,
         gtol=1e-12,
-        max_nfev=MOST_EVALUATIONS,
+        max_nfev=100,  # a few tens are usual
     )
     values, at_bound = value(found.x), found.active_mask
     # What has no share of the stresses, or is at a bound, tells nothing of the other parameters.
@@ -240,9 +234,10 @@ def _search_range(form: Form, curves: Curves, y: np.ndarray, start: np.ndarray):
         logarithmic = np.r_[logarithmic, least > 0]
     k, powers = form.branches, max(0, len(form.places) - 1)
     ends = [curves.grid()[0] / BEYOND, curves.grid()[-1] * BEYOND] if k else [1.0, 1.0]
+    # Times fall by the tenth power at most.
     return (
         np.r_[low, np.zeros(k), np.full(k, ends[0]), np.zeros(powers)],
-        np.r_[high, np.full(k, np.inf), np.full(k, ends[1]), np.full(powers, STEEPEST)],
+        np.r_[high, np.full(k, np.inf), np.full(k, ends[1]), np.full(powers, 10.0)],
         np.r_[logarithmic, np.repeat([False, True, False], [k, k, powers])],
     )
 

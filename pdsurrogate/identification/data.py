@@ -300,7 +300,7 @@ def test_data_of(tests: MechanicalTests) -> TestData:
     mode, first, second, stress, weight, time, curve, row = (
         np.array(one) for one in zip(*found, strict=True)
     )
-    stretches = np.stack([first, second], axis=1)
+    stretches = np.column_stack([first, second])
     return TestData(tests.name, mode, stretches, stress, weight, row, tests, time, curve)
 
 

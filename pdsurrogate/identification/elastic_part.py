@@ -13,9 +13,6 @@ from .energy import mode_of
 from .regressor import LawRegressor
 from .stress_regressor import BULK_RATIO
 
-STRAINED = 0.05
-"""Least log-stretch of states whose mode of loading counts."""
-
 
 class Elastic(NamedTuple):
     """Family of elastic energies of one mode of the data or more.
@@ -69,7 +66,7 @@ def elastic_without_law(states: np.ndarray, kept: Sequence[Term] | None = None) 
     functions of the first invariant if they are of one mode of loading, else of the second too.
     """
     if kept is None:
-        strained = np.abs(np.log(states[:, 0])) > STRAINED
+        strained = np.abs(np.log(states[:, 0])) > 0.05
         of_one = len({*mode_of(states)[strained]}) < 2
         kept = [one for one in OF_TESTS if one.polyconvex and not (of_one and one.row[0] < 2)]
     terms = list(kept)

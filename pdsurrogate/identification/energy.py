@@ -27,12 +27,6 @@ NEGLIGIBLE = 1e-7
 stresses below which a term is left out: no test is as exact.
 """
 
-ROUNDS = 60
-"""Most rounds of a fit, each of the weights at given volume ratios, and of the volume ratios that
-follow from these weights. At the bulk moduli of rubber a few rounds suffice; sixty end a search
-that does not converge.
-"""
-
 SAME_MODE = 0.01
 """Greatest difference in log-stretch between the lateral stretch of a state and that of a mode of
 loading at which the state counts as one of this mode. Chosen: modes differ by more from strains of
@@ -164,7 +158,9 @@ class EnergyRegressor(StressRegressor):
         volume = np.ones_like(y)
         right = root * y
         count = independent(X)
-        for _ in range(ROUNDS):
+        # Rounds of the weights at given volume ratios, and of the volume ratios that follow from
+        # them. At the bulk moduli of rubber a few suffice; sixty end one that does not converge.
+        for _ in range(60):
             columns = root[:, None] * columns_of(isochoric(X, volume), X[:, 0], terms)
             try:
                 found = average(

@@ -78,11 +78,6 @@ CHANGED_VOLUME = 0.1
 the greatest of Kawabata's data.
 """
 
-REWEIGHTINGS = 12
-"""Number of fits in a robust regression by iterative reweighting: the weights of outliers settle
-within a few.
-"""
-
 
 @dataclass(frozen=True)
 class Examination:
@@ -168,8 +163,10 @@ def examine(model: StressRegressor, data: TestData) -> Examination:
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            worse = f"{model.form} describes {mode} worse than the mean stress does (R^2 below 0)"
-            refusals.append(f"{worse}: use another law, or correct the data")
+            refusals.append(
+                f"{model.form} describes {mode} worse than the mean stress does (R^2 below 0): use"
+                " another law, or correct the data"
+            )
         elif not value >= POOR:
             poorly.append(
                 f"{model.form} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}"
@@ -219,13 +216,10 @@ def changes_of_volume(data: TestData) -> list[str]:
     if not off.max() > CHANGED_VOLUME:
         return []
     row = int(off.argmax())
-    change = (
-        "the stretches along and across a uniaxial load change the volume by"
-        f" {100 * (volume[row] - 1):.0f} %"
-    )
     return [
-        f"{data.row_in_words(row)}: {change}: the material is compressible, such as a foam, and"
-        " these are laws of rubber"
+        f"{data.row_in_words(row)}: the stretches along and across a uniaxial load change the"
+        f" volume by {100 * (volume[row] - 1):.0f} %: the material is compressible, such as a"
+        " foam, and these are laws of rubber"
     ]
 
 
@@ -278,12 +272,12 @@ def suspicions(data: TestData, over_time: bool = False) -> list[str]:
         row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row]
     ]
     if len(rows) > max(1, len(best) / 4):
-        together = "no physically possible energy describes these tests together"
-        checks = (
-            "have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume"
-            " changes, are not described"
-        )
-        return [*remarks, f"{together}: check that all stresses {checks}"]
+        return [
+            *remarks,
+            "no physically possible energy describes these tests together: check that all stresses"
+            " have the same unit, are nominal, and are zero at a stretch of 1; foams, whose volume"
+            " changes, are not described",
+        ]
     turned = ~_first_loading(best)
     return remarks + [
         f"{best.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the"
@@ -445,7 +439,8 @@ def _robust(data: TestData, columns: np.ndarray) -> np.ndarray:
     stress = data.nominal_stress
     size = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300
     weight = np.ones(len(data))
-    for _ in range(REWEIGHTINGS):
+    # The weights of outliers settle within a few fits.
+    for _ in range(12):
         predicted = columns @ nonnegative(columns, stress, np.sqrt(weight) / size)
         residuals = _relative(data, predicted, FLOOR)
         weight = 1 / (1 + (residuals / (2 * _scale(residuals))) ** 2)  # Cauchy's

@@ -1,31 +1,12 @@
 """Reports and figures of fits of branches to stresses over time."""
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..results.figures import STYLE
+from ..results.figures import styled
 from .data import TestData
-from .examination import standardized
-from .history_regressor import FREE, HistoryRegressor
-from .reporting import differences, facts_of_tests, judged, parameters_of
-
-
-def fitted_history(
-    data: TestData,
-    law: str | None,
-    branches: int | None,
-    n_terms: int,
-    softening: bool,
-    falling_times: bool,
-    bulk: dict[str, float],
-) -> HistoryRegressor:
-    """Fit a law (Ogden's with `n_terms` terms), or an energy without one, with branches and
-    softening to test data; `branches` is None for a choice by cross-validation, and their times may
-    fall with the overstress.
-    """
-    model = HistoryRegressor(law or FREE, branches, n_terms, softening, falling_times, **bulk)
-    return model.fit_tests(data)
+from .history_regressor import HistoryRegressor
+from .reporting import judged, report
 
 
 def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
@@ -64,16 +45,10 @@ def report_of_history(model: HistoryRegressor, data: TestData) -> dict:
         )
     return {
         "form": model.form,
-        "data": data.name,
-        "rows": len(data),
-        **parameters_of(model),
+        **report(model, data, predicted),
         "rates": model.rates_ and [*model.rates_],
         "curves": curves,
         "cross_validation": model.cross_validation_,
-        "r_squared": data.r_squared(predicted),
-        "differences": differences(data, predicted),
-        "residuals": standardized(model, data),
-        **facts_of_tests(data),
         **judgement,
     }
 
@@ -83,8 +58,7 @@ def figure_of_history(model: HistoryRegressor, data: TestData) -> Figure:
     of the fit.
     """
     predicted = model.predict(model.rows_of(data))
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(3.4 * len(data.modes), 2.9), layout="constrained")
+    with styled(3.4 * len(data.modes), 2.9) as drawn:
         axes = drawn.subplots(1, len(data.modes), squeeze=False)[0]
         for axis, mode in zip(axes, data.modes, strict=True):
             axis.set(title=mode, xlabel="stretch")

@@ -12,7 +12,7 @@ from scipy.ndimage import minimum_filter
 from scipy.optimize import least_squares
 from sklearn.utils._param_validation import Interval
 
-from ..arguments import suggestion
+from ..arguments import check_known
 from ..materials import LAWS, Law, Ogden, Polyconvex, homogeneous
 from .averaging import nonnegative
 from .stress_regressor import (
@@ -24,22 +24,6 @@ from .stress_regressor import (
     states,
 )
 
-WELL_POSED = 1e14
-"""Greatest condition number of the normal equations of the parameters: above it the inverse has no
-digits left, and standard errors are infinite.
-"""
-
-STARTS = 5
-"""Number of the best candidates of the coarse search from which refinements start. Chosen: the best
-point of a coarse grid need not lie in the basin of the least error, and each start costs one more
-refinement.
-"""
-
-COARSE_ROWS = 250
-"""Most rows that the starts and the first refinements consider. Chosen: more rows change the
-starts by less than the refinement does.
-"""
-
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
@@ -47,11 +31,6 @@ N_TERMS = 3
 PER_AXIS = 25
 """Number of points on an axis of the coarse search. Chosen: each basin of the squared error then
 has one.
-"""
-
-SETTLED = 1e-6
-"""Relative change of parameters and squared error that ends the refinement of a start, of which
-the best is refined further.
 """
 
 DIFFERENCE = 1e-7
@@ -79,11 +58,8 @@ def fitted_laws() -> list[str]:
 
 def check_fitted(law: str) -> None:
     """Raise ValueError unless a `LawRegressor` fits the law of this name."""
-    if law not in fitted_laws():
-        raise ValueError(
-            f"unknown law {law!r};"
-            f" {suggestion(law, fitted_laws(), 'laws that can be fitted to tests are')}"
-        )
+    known = "laws that can be fitted to tests are"
+    check_known(law, fitted_laws(), f"unknown law {law!r}", known)
 
 
 def covariance_at(jacobian: np.ndarray, squares: float) -> np.ndarray:
@@ -94,7 +70,8 @@ def covariance_at(jacobian: np.ndarray, squares: float) -> np.ndarray:
     size[size == 0] = 1.0
     information = (jacobian / size).T @ (jacobian / size)
     free = len(jacobian) - len(size)
-    if free <= 0 or not np.linalg.cond(information) < WELL_POSED:
+    # Above this condition number the inverse has no digits left.
+    if free <= 0 or not np.linalg.cond(information) < 1e14:
         return np.full(information.shape, np.inf)
     return squares / free * np.linalg.inv(information) / np.outer(size, size)
 
@@ -202,17 +179,18 @@ class LawRegressor(StressRegressor):
         check_fitted(self.law)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         # Every so many rows, from the one with the greatest stretch on, which not every law
-        # reaches.
-        few = np.argsort(X.max(axis=1), kind="stable")[:: -int(np.ceil(len(y) / COARSE_ROWS))]
+        # reaches: more than 250 change the starts by less than the refinement does.
+        few = np.argsort(X.max(axis=1), kind="stable")[:: -int(np.ceil(len(y) / 250))]
         coarse = X[few], y[few], root[few]
-        best_few = nsmallest(STARTS, self._candidates(*coarse), key=lambda candidate: candidate[0])
+        # The best point of a coarse grid need not lie in the basin of the least error.
+        best_few = nsmallest(5, self._candidates(*coarse), key=lambda candidate: candidate[0])
         starts = [start for _, start in best_few]
         if not starts:
             raise ValueError(
                 f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a"
                 " positive stiffness"
             )
-        fits = [self._refined(start, *coarse, _incompressible, SETTLED) for start in starts]
+        fits = [self._refined(start, *coarse, _incompressible, 1e-6) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
         best, *_ = self._refined(best, X, y, root, _incompressible)
         values, jacobian, found = self._refined(best, X, y, root, states)

@@ -3,8 +3,8 @@ figures.
 """
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from sklearn.base import clone
@@ -12,11 +12,12 @@ from sklearn.base import clone
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
 from ..progress import event
-from ..results.figures import STYLE
+from ..results.figures import styled
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor, mode_of
 from .examination import examine, standardized
-from .regressor import LawRegressor, check_fitted
+from .history_regressor import FREE, HistoryRegressor
+from .regressor import LawRegressor
 from .stress_regressor import (
     LawEstimator,
     StressRegressor,
@@ -26,39 +27,25 @@ from .stress_regressor import (
 )
 from .tearing import off_at_break, tearing_energies
 
-EDGE = 1e-6
-"""Least distance in log-stretch of a test from the domain of a force model at which the test
-counts as outside: less may be rounding.
-"""
-
 LARGE_GROWTH = 1.05
 """Greatest volume ratio that an identified law may give in the tests without a warning: the volume
 of rubber grows by a percent or so. Chosen just above the 4 % to which the default bulk modulus
 leads at Treloar's greatest stretch (`BULK_RATIO`).
 """
 
-UNMEASURED = 1.5, 2.0, 3.0
-"""Stretches at which a report states what an energy foretells in modes of loading without data.
-Chosen: those of most bodies of rubber.
-"""
 
-
-def report(model: StressRegressor, data: TestData) -> dict:
+def report(model: StressRegressor, data: TestData, predicted: np.ndarray) -> dict:
     """Return a report of a fit as plain values: the data, the parameters with standard errors (None
-    where infinite), and the errors.
+    where infinite), and the errors of predicted stresses.
 
-    ``differences`` compare the tests with the law at its bulk modulus, as in a simulation of the
-    tests; ``volume_ratio`` is the greatest volume ratio, and ``residuals`` lists the rows with the
-    greatest residuals.
+    ``residuals`` lists the rows with the greatest residuals.
     """
-    predicted, volume = states(model.law_, data.stretches)
     return {
         "data": data.name,
         "rows": len(data),
         **parameters_of(model),
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
-        "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
         "residuals": standardized(model, data),
         **facts_of_tests(data),
     }
@@ -130,8 +117,7 @@ def figure(
     stress, and the line of equality.
     """
     modes = data.modes
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
+    with styled(2.6 * max(len(modes), 2), 2.9) as drawn:
         for axis, mode in zip(drawn.subplots(1, len(modes), squeeze=False)[0], modes, strict=True):
             rows = data.of(mode)
             if mode == BIAXIAL:
@@ -144,7 +130,7 @@ def figure(
                 axis.set(title=mode, xlabel="stretch")
                 places = rows.stretches[:, 0]
                 along = np.linspace(min(1.0, places.min()), places.max(), 200)
-                stretches = np.stack([along, MODES[mode](along)], axis=1)
+                stretches = np.column_stack([along, MODES[mode](along)])
                 style = {"lw": 1}
                 axis.plot(places, rows.nominal_stress, "ko", ms=3.5, mfc="none", label="test")
             for model in models:
@@ -203,18 +189,21 @@ def held_out_modes(
 
 
 def fitted(
-    data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
+    data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], **memory: Any
 ) -> StressRegressor:
     """Fit a law (Ogden's with `n_terms` terms), or an energy without a law if `law` is None, to
     test data; return the regressor.
 
-    `bulk` is a dictionary as `stress_regressor.bulk_arguments` returns it.
+    `bulk` is a dictionary as `stress_regressor.bulk_arguments` returns it, and `memory` has further
+    arguments of a `HistoryRegressor`.
     """
-    if law is not None:
-        check_fitted(law)
-    regressor = (
-        EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
-    )
+    regressor: StressRegressor
+    if memory:
+        regressor = HistoryRegressor(law or FREE, n_terms=n_terms, **memory, **bulk)
+    elif law is None:
+        regressor = EnergyRegressor(**bulk)
+    else:
+        regressor = LawRegressor(law, n_terms=n_terms, **bulk)
     return regressor.fit_tests(data)
 
 
@@ -258,8 +247,13 @@ def identify(
 def examined(model: StressRegressor, data: TestData) -> dict:
     """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the
     examination of fit and data (`examine`).
+
+    ``differences`` compare the tests with the law at its bulk modulus, as in a simulation of the
+    tests; ``volume_ratio`` is the greatest volume ratio.
     """
-    found = report(model, data)
+    predicted, volume = states(model.law_, data.stretches)
+    found = report(model, data, predicted)
+    found["volume_ratio"] = float(np.nanmax(volume)) if np.isfinite(volume).any() else None
     form = model.law
     if isinstance(model, EnergyRegressor):
         form = "energy without a law"
@@ -270,12 +264,10 @@ def examined(model: StressRegressor, data: TestData) -> dict:
     found |= {"tearing": energies} if energies else {}
     remarks += [f"{form}: {text}" for text in (*untorn, *off_at_break(model.law_, data.tests))]
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
-        growth = (
-            f"the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than"
-            " that of rubber"
-        )
         remarks.append(
-            f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus"
+            f"{form}: with this bulk modulus the volume grows by"
+            f" {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber;"
+            " set a greater one with --bulk-modulus"
         )
     return found
 
@@ -287,25 +279,24 @@ def judged(model: StressRegressor, data: TestData, form: str) -> dict[str, list[
     found = examine(model, data)
     remarks = list(found.remarks)
     if model.at_bound_:
-        at_bound = f"{form}: {', '.join(model.at_bound_)}"
         longer = " Tests at other rates, or held for longer, determine more." * model.over_time
         remarks.append(
-            f"{at_bound} reached a bound of the search range: the data do not determine it, or"
-            f" another law would fit better.{longer}"
+            f"{form}: {', '.join(model.at_bound_)} reached a bound of the search range: the data"
+            f" do not determine it, or another law would fit better.{longer}"
         )
     return {"refusals": found.refusals, "remarks": remarks}
 
 
 def unmeasured(model: EnergyRegressor, data: TestData) -> list[dict]:
     """Return stresses and standard deviations of an energy in the modes of loading without data,
-    at stretches `UNMEASURED`.
+    at stretches of most bodies of rubber.
     """
     greatest = data.stretches.max()
-    stretches = np.array([one for one in UNMEASURED if one <= greatest] or [greatest])
+    stretches = np.array([one for one in (1.5, 2.0, 3.0) if one <= greatest] or [greatest])
     found = []
     measured = {*mode_of(data.stretches).tolist()}
     for mode in (mode for mode in MODES if mode not in measured):
-        states = np.stack([stretches, MODES[mode](stretches)], axis=1)
+        states = np.column_stack([stretches, MODES[mode](stretches)])
         rows = zip(
             stretches.tolist(),
             model.predict(states),
@@ -342,4 +333,5 @@ def simulate_tests(
     """
     stress, beyond = nominal_states(force, model.law_, np.column_stack(sheet_of(data.stretches)))
     law = model.predict(data.stretches)
-    return stress, float(np.abs(stress - law).max() / np.abs(law).max()), int((beyond > EDGE).sum())
+    # A test outside the domain of a force model by less, in log-stretch, may be so by rounding.
+    return stress, float(np.abs(stress - law).max() / np.abs(law).max()), int((beyond > 1e-6).sum())

@@ -22,7 +22,7 @@ def log_invariants(X) -> np.ndarray:
     the columns of X.
     """
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
-    return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
+    return np.column_stack([np.log(J), np.log(trace / (2 * J))])
 
 
 @named()
@@ -44,7 +44,7 @@ def derivatives_by_features(X, y) -> np.ndarray:
     """
     (trace, J), (energy, by_trace, by_J) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
     by_ratio = trace * by_trace
-    return np.stack([energy, J * by_J + by_ratio, by_ratio], axis=1)
+    return np.column_stack([energy, J * by_J + by_ratio, by_ratio])
 
 
 @named()
@@ -53,7 +53,7 @@ def derivatives_by_invariants(X, z) -> np.ndarray:
     derivatives by log J and log(tr C/(2 J)) in z.
     """
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
-    return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
+    return np.column_stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J])
 
 
 @named()
@@ -85,14 +85,14 @@ class _SheetEnergy(EnergyTarget):
         J = stretches.prod(axis=1)
         J3 = plane_stress.volume_ratio(law, trace, J)
         p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
-        return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
+        return np.column_stack([trace, J]), np.column_stack([energy, p / 2, q / J])
 
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.
         return 2 * first[:, None] * stretches + second[:, None] * stretches[:, ::-1]
 
     def predicted(self, model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
-        return np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
+        return np.column_stack(model.energy_derivatives(law, *X.T)[:3])
 
     def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
         rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))

@@ -160,13 +160,12 @@ def force_of(model) -> Callable:
         check_is_fitted(model)
 
         def force(stretch, rotation, length, C33, J):
-            X = np.stack(
+            X = np.column_stack(
                 np.broadcast_arrays(
                     *np.atleast_1d(
                         stretch, rotation, np.multiply(length, _horizon_of(model)), C33, J
                     )
-                ),
-                axis=1,
+                )
             )
             return force_of_outputs(
                 X, _quietly(model.regressor_.predict, X) - model.offsets_, feature_set
@@ -196,7 +195,7 @@ def force_of(model) -> Callable:
             )
         order = [COLUMNS.index(name) for name in names]
         return lambda *bond: _quietly(
-            model.predict, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order]
+            model.predict, np.column_stack(np.broadcast_arrays(*bond))[:, order]
         )
     if isinstance(model, type):
         raise TypeError(f"{model.__name__} is a class: give an instance, {model.__name__}()")
@@ -254,7 +253,7 @@ def feature_box(
     J = first * second
     a = first * cos**2 + second * sin**2
     b = (second - first) * sin * cos
-    corners = np.stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J], axis=1)
+    corners = np.column_stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J])
     features = feature_values(np.concatenate([corners, states]), feature_set)
     low = features.min(axis=0)
     high = features.max(axis=0)

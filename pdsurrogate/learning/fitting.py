@@ -459,23 +459,19 @@ def check_worth_storing(
     worst: dict = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default={"rms": 0.0})
     if rms > NOTED:
         against = "".join([law.name, *(f", {key} = {value:g}" for key, value in law.shape.items())])
-        fault = (
-            f"{100 * rms:.2g} % relative to {against}, the law that it was compared with and {role}"
-        )
         warnings.warn(
-            f"{what} has an RMS error of {fault}: it was fitted too coarsely, or to samples of"
-            " another law",
+            f"{what} has an RMS error of {100 * rms:.2g} % relative to {against}, the law that it"
+            f" was compared with and {role}: it was fitted too coarsely, or to samples of another"
+            " law",
             stacklevel=4,
         )
     if worst["rms"] > MOST_STORED:
         # Enormous forces at the ends of the range make all errors relatively small.
         low, high = worst["strain"]
-        fault = (
-            f"{100 * worst['rms']:.2g} % at strains from {low:g} to {high:g}, though it is small"
-            " relative to the greatest forces"
-        )
         warnings.warn(
-            f"{what} has an RMS error of {fault}: fit it over a smaller range of stretches",
+            f"{what} has an RMS error of {100 * worst['rms']:.2g} % at strains from {low:g} to"
+            f" {high:g}, though it is small relative to the greatest forces: fit it over a smaller"
+            " range of stretches",
             stacklevel=4,
         )
 

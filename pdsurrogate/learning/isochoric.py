@@ -32,7 +32,7 @@ def log_isochoric_invariants(X) -> np.ndarray:
     """Return the features log(I1bar/3) and log(I2bar/3), shape (n, 2), of the invariants I1bar
     and I2bar, the columns of X.
     """
-    return np.log(np.stack(checked_columns(X, INVARIANTS, INVARIANTS[::-1]), axis=1) / 3)
+    return np.log(np.column_stack(checked_columns(X, INVARIANTS, INVARIANTS[::-1])) / 3)
 
 
 @named()
@@ -51,7 +51,7 @@ def isochoric_derivatives_by_features(X, y) -> np.ndarray:
     its derivatives by I1bar and I2bar in y.
     """
     (I1, I2), (W, by_1, by_2) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
-    return np.stack([W, I1 * by_1, I2 * by_2], axis=1)
+    return np.column_stack([W, I1 * by_1, I2 * by_2])
 
 
 @named()
@@ -60,7 +60,7 @@ def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
     by log(I1bar/3) and log(I2bar/3) in z.
     """
     I1, I2 = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
-    return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
+    return np.column_stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2])
 
 
 @named()
@@ -108,7 +108,7 @@ class _IsochoricEnergy(EnergyTarget):
         I1 = squares.sum(axis=1)
         I2 = (1 / squares).sum(axis=1)
         W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))[3]
-        return np.stack([I1, I2], axis=1), np.stack([W, *isochoric_slopes(law, I1, I2)], axis=1)
+        return np.column_stack([I1, I2]), np.column_stack([W, *isochoric_slopes(law, I1, I2)])
 
     def _draw_logs(
         self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float
@@ -138,7 +138,7 @@ class _IsochoricEnergy(EnergyTarget):
         return isochoric_stresses(stretches.T**2, first, second)
 
     def predicted(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
-        return np.stack(model.isochoric_derivatives(*X.T), axis=1)
+        return np.column_stack(model.isochoric_derivatives(*X.T))
 
     def _more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
         rest = self.predicted(model, law, np.array([[3.0, 3.0]]))[0]

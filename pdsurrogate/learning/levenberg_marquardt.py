@@ -20,11 +20,6 @@ from ..kernels.network import network_outputs
 from ..progress import event
 from .base import ACTIVATIONS, COUNT, NOT_NEGATIVE, POSITIVE, SHARE, BasePerceptron
 
-MOST_DAMPING = 1e12
-"""Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and
-the training ends.
-"""
-
 CONSTRAINTS = {
     **dict.fromkeys(("max_iter", "n_iter_no_change", "n_init"), COUNT),
     "tol": NOT_NEGATIVE,
@@ -56,7 +51,8 @@ def accepted_steps(
     for iteration in range(number * most + 1, (number + 1) * most + 1):
         normal, gradient = normal_equations(weights)
         diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
-        while damping < MOST_DAMPING:
+        # At a damping of 1e12 times the diagonal a step is below rounding.
+        while damping < 1e12:
             try:
                 factor = cho_factor(normal + damping * np.diag(diagonal), check_finite=False)
             except LinAlgError:  # not positive definite
@@ -198,10 +194,9 @@ class LevenbergMarquardtRegressor(BasePerceptron):
             )
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         if not sizes.size or (sizes < 1).any():
-            given = f"not {self.hidden_layer_sizes}"
             raise ValueError(
                 "hidden_layer_sizes must name at least one layer, and every hidden layer needs at"
-                f" least one unit, {given}"
+                f" least one unit, not {self.hidden_layer_sizes}"
             )
         random = check_random_state(self.random_state)
 

@@ -11,18 +11,13 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
-from ..arguments import suggestion
+from ..arguments import check_known
 from ..kernels.bond_force import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from .base import check_targets, checked_columns, named
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, OUTPUTS, force_factor
 from .target import InputAwareTargetRegressor, is_search
-
-ROUNDING = 1e-10
-"""Spread of an output, relative to the greatest output, below which the output counts as
-constant.
-"""
 
 SHEARLESS = float(np.sqrt(np.finfo(float).eps))
 """Ratio |U_nm|/U_nn up to which a bond counts as one without shear, with U in axes along (n) and
@@ -47,10 +42,7 @@ def bond_force_pipeline(
     explains the arguments.
     """
     features = "symmetric" if features is None else features
-    if not isinstance(features, str) or features not in FEATURE_SETS:
-        raise ValueError(
-            f"unknown features {features!r}; {suggestion(str(features), FEATURE_SETS)}"
-        )
+    check_known(features, FEATURE_SETS, f"unknown features {features!r}")
     factor = (
         None
         if weight is None
@@ -179,7 +171,7 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     outputs[undetermined] = np.nan
     if not undetermined.all():
         known = outputs[~undetermined]
-        constant = np.ptp(known, axis=0) < ROUNDING * np.abs(known).max()
+        constant = np.ptp(known, axis=0) < 1e-10 * np.abs(known).max()
         outputs[np.ix_(~undetermined, constant)] = np.median(known[:, constant], axis=0)
     return outputs
 

@@ -23,16 +23,6 @@ cells reduce the error of a smooth function by sixteen; the last tables have 67 
 coefficients, well below `MOST_COEFFICIENTS`.
 """
 
-CELLS_OF_JUMPS = {2: 16, 3: 12}
-"""Cells along a feature for a function with jumps, such as that of trees: more cells would follow
-its steps instead of its trend. Chosen from `CELLS`, the second step.
-"""
-
-PER_CELL = 3
-"""Samples along each feature in a cell, to which a spline is fitted by least squares, so that steps
-and noise are averaged. Chosen: with one the spline follows every step; three cost 9 evaluations a
-cell for two features, 27 for three.
-"""
 
 WORTHWHILE = 0.8
 """Ratio of the error with twice as many cells to the error before, above which no more cells are
@@ -46,16 +36,10 @@ bonds of a run that leave the sampled box by little stay within the spline; a wi
 cells where no samples lie.
 """
 
-JUMP = 1e-3
-"""Change of a function over an interval of 1e-6 of the box of features, divided by the RMS of its
-values, that counts as a jump: a continuous function would need a slope of a thousand times its size
-per box.
-"""
-
 PAIRS = 32
 HALVINGS = 20
 """Number of pairs of neighboring samples with the greatest changes that are searched for jumps, and
-of halvings of the interval between: 2^-20 is the interval of 1e-6 of `JUMP`. Chosen: a function
+of halvings of the interval between: 2^-20 is the interval of 1e-6 of jumps. Chosen: a function
 with jumps, such as that of trees, has them between most of these pairs.
 """
 
@@ -93,7 +77,9 @@ def fitted_spline(
     that is not finite.
     """
     n = len(low)
-    places = np.linspace(0, cells, PER_CELL * cells + 1)
+    # Three samples along each feature in a cell average steps and noise; with one the spline
+    # would follow every step.
+    places = np.linspace(0, cells, 3 * cells + 1)
     features = _grid(low, high, len(places))
     values = np.asarray(function(features), dtype=float)
     if values.shape != (len(features), 2):
@@ -187,8 +173,11 @@ def resampled(
         if reached <= TOLERANCE or reached > WORTHWHILE * least:
             break
         least = reached
-        if cells == CELLS[n][0] and (jump := greatest_jump(function, low, high, values)) > JUMP:
-            return fitted_spline(function, low, high, CELLS_OF_JUMPS[n])[0], jump
+        # A thousandth of the RMS within 1e-6 of the box: a continuous function would need a slope
+        # of a thousand times its size per box.
+        if cells == CELLS[n][0] and (jump := greatest_jump(function, low, high, values)) > 1e-3:
+            # More cells would follow the steps of such a function, as of trees, not its trend.
+            return fitted_spline(function, low, high, CELLS[n][1])[0], jump
     return best, 0.0
 
 
@@ -208,7 +197,7 @@ def isochoric_outputs_of(force: Callable) -> Callable:
         low = features[:, 1] < LEAST_DISTORTION
         if low.any():
             beyond = outputs(
-                np.stack([features[low, 0], np.full(low.sum(), 2 * LEAST_DISTORTION)], axis=1)
+                np.column_stack([features[low, 0], np.full(low.sum(), 2 * LEAST_DISTORTION)])
             )
             found[low] += (features[low, 1:] / LEAST_DISTORTION - 1) * (beyond - found[low])
         return found

@@ -206,5 +206,5 @@ def force_on_bonds(law, U_nn, U_nm, J, C33, length):
     """
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
-    X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)
+    X = np.column_stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J])
     return X, along_and_across(T_nn, T_nm, U_nn, U_nm, stretch)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field
 from typer import Option
 
-from ..arguments import suggestion
+from ..arguments import check_known
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
@@ -228,10 +228,7 @@ class FitSettings(StrictModel):
                 f"units must have one to {MOST_HIDDEN} numbers, one for each hidden layer, not"
                 f" {len(hidden)}"
             )
-        if activation not in ACTIVATIONS:
-            raise ValueError(
-                f"unknown activation {activation!r}; {suggestion(activation, ACTIVATIONS)}"
-            )
+        check_known(activation, ACTIVATIONS, f"unknown activation {activation!r}")
         return pipeline, f"{features} features, {_words(hidden)} units"
 
     def _polynomial(self) -> tuple[InputAwareTargetRegressor, str]:

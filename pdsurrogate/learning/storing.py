@@ -22,12 +22,6 @@ from .fitting import check_worth_storing, checked_surrogate
 from .pipeline import feature_set_of
 from .target import Samples
 
-MOST_CHARACTERS = 200
-"""Most characters of the text of a regressor's parameter on a card: a nested estimator is written
-as its ``repr``, which may run to pages. Chosen: they hold the name and the first parameters of an
-estimator.
-"""
-
 
 @dataclass(frozen=True)
 class CardText:
@@ -44,7 +38,7 @@ class CardText:
         Parameters that a search tried, and their errors; by default the table of the fitted model
         if this is a search.
     identification : dict, optional
-        Report of the identification of the law (`pdsurrogate.identification.report`).
+        Report of the identification of the law (as ``pdsurrogate identify`` gives it).
 
     Raises
     ------
@@ -247,7 +241,8 @@ def _plain(parameters: dict) -> dict:
             words = f"{features} features, {getattr(last, 'regressor', last)!r}"
         except ValueError:
             words = repr(value)
-        return words[:MOST_CHARACTERS]
+        # The ``repr`` of a nested estimator may run to pages; its beginning holds its name.
+        return words[:200]
 
     return {key: plain(value) for key, value in parameters.items()}
 

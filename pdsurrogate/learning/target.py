@@ -38,11 +38,6 @@ percent.
 ANCHOR = (0.0, 0.0)
 """Features of the undeformed state, in which an energy is zero."""
 
-STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
-"""Bounds of the bins of greatest principal strain in error reports: two or three in a decade, up
-to the strain at a stretch of 4.
-"""
-
 
 def is_search(model) -> bool:
     """Return whether an estimator is one of scikit-learn's searches over parameters."""
@@ -514,12 +509,10 @@ class EnergyTarget(Target):
             and getattr(pipeline[0], "func", None) is self._functions[0]
         )
         if not right or (network.anchor, network.flat) != (ANCHOR, self._flat):
-            made = (
-                f"a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor"
-            )
             raise ValueError(
-                f"only {made} with anchor {ANCHOR} and flat {self._flat}, can become a surrogate"
-                " of it"
+                f"only a surrogate_pipeline for the target {self.name}, which ends in a"
+                f" SobolevRegressor with anchor {ANCHOR} and flat {self._flat}, can become a"
+                " surrogate of it"
             )
         return network
 
@@ -582,6 +575,6 @@ def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
     reach = max(high - 1, 1 - low)
     return [
         (least, min(greatest, reach))
-        for least, greatest in pairwise(STRAIN_BINS)
+        for least, greatest in pairwise((0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0))
         if least < reach * (1 - 1e-9)
     ]

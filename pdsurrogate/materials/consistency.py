@@ -11,35 +11,12 @@ import numpy as np
 
 from .law import InvariantLaw, Law
 
-STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
-"""Steps of the central differences, relative to the size of the argument. Chosen: the error of a
-step, its square, is 1e-6 and less, while rounding is 1e-13; halving twice shows whether the
-differences converge.
-"""
-
-RELATIVE = 1e-4
-"""Relative deviation allowed between a derivative and its differences.
-
-The differences are accurate to some 1e-6 where `STEPS` resolve the law (their error is the step
-squared), and a mistake in a formula is a factor or a term, so any number between would do. Where
-the steps do not resolve the law, near a limit or at the level of rounding, the results of the three
-steps disagree, and ten times their disagreement is allowed in addition.
-"""
-
-AT_REST = 1e-6
-"""Relative deviation allowed between the undeformed moduli from derivatives and those that the
-law states; both are formulas.
-"""
-
 LOG_STRETCHES = np.array(
     [[0.0, 0.0], [1e-3, 0.0], [0.04, -0.01], [0.2, 0.1], [0.7, -0.3], [1.2, -0.7]]
 )
 """Isochoric states by two principal log-stretches: undeformed, nearly so, and up to large
 strains; those beyond a law's limit are skipped.
 """
-
-VOLUME_RATIOS = np.array([1.0, 0.9, 0.98, 1.001, 1.03, 1.15])
-"""Volume ratios at which U is checked; the undeformed state comes first, as in `LOG_STRETCHES`."""
 
 _consistent: set = set()
 """Keys of the laws that have passed `check_consistency` in this process: class, expressions and
@@ -72,7 +49,8 @@ def _check_volumetric(law, parameters) -> None:
     bulk = parameters[0]
     derivatives = [("U'", 1, [1, 0, 0], [1]), ("U''", 2, [0, 1, 0], [1])]
     values = partial(law.volumetric, parameters=parameters)
-    states = {"J3": VOLUME_RATIOS}
+    # Volume ratios at which U is checked; the undeformed state comes first, as in `LOG_STRETCHES`.
+    states = {"J3": np.array([1.0, 0.9, 0.98, 1.001, 1.03, 1.15])}
     _, slope, curvature = compare_derivatives(
         law.name, "volumetric", values, states, derivatives, bulk
     )
@@ -129,7 +107,7 @@ def _check_stretches(law, parameters) -> None:
 
 
 def compare_derivatives(
-    owner, expression, values, arguments, derivatives, modulus, relative=RELATIVE
+    owner, expression, values, arguments, derivatives, modulus, relative=1e-4
 ) -> np.ndarray:
     """Compare coded derivatives with central differences, raise ValueError for a wrong one, and
     return the values at the first state.
@@ -143,8 +121,11 @@ def compare_derivatives(
     step sizes. All states are evaluated at once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
+    # The error of a step, its square, is 1e-6 and less, while rounding is 1e-13; halving twice
+    # shows whether the differences converge.
     sizes = [
-        STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0)
+        (1e-3 * np.array([1.0, 0.5, 0.25]))[:, None]
+        * np.maximum(np.abs(np.asarray(way) @ states), 1.0)
         for *_, way in derivatives
     ]
     moves = [
@@ -163,6 +144,10 @@ def compare_derivatives(
         ahead, behind = np.tensordot(of, ends[:, number], 1)
         slopes = (ahead - behind) / (2 * size)
         right = (4 * slopes[-1] - slopes[-2]) / 3
+        # Differences are accurate to some 1e-6 where the steps resolve the law (their error is the
+        # step squared), and a mistake in a formula is a factor or a term, so any number between
+        # would do. Near a limit or at the level of rounding the results of the three steps
+        # disagree, and ten times their disagreement is allowed in addition.
         allowed = relative * np.maximum(np.abs(right), 1e-2 * modulus) + 10 * np.ptp(slopes, axis=0)
         # Steps beyond a limit of the law give no differences.
         wrong = np.isfinite(slopes).all(axis=0) & ~(np.abs(given[row] - right) <= allowed)
@@ -181,7 +166,7 @@ def compare_derivatives(
 
 
 def _at_rest(law, name, given, right, scale, what) -> None:
-    if not abs(given - right) <= AT_REST * scale:
+    if not abs(given - right) <= 1e-6 * scale:
         raise ValueError(
             f"{law.name}: {name} of the undeformed material is {given:.6g}, but must be"
             f" {right:.6g}, {what}"

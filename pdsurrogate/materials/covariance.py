@@ -17,11 +17,6 @@ MOST_UNCERTAIN = 0.5
 no meaning: all forces scale with it.
 """
 
-NO_VARIANCE = 1e-6
-"""Negative variance of a combination of numbers, in units of theirs, up to which it is due to
-the digits of a given covariance.
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class LawCovariance:
@@ -96,7 +91,8 @@ class LawCovariance:
         if (np.diag(values) < 0).any() or (np.abs(values - values.T) > 1e-9 * products).any():
             raise ValueError("covariance: it must be symmetric, with no negative variance")
         correlation = values / np.where(products > 0, products, 1.0)
-        if np.linalg.eigvalsh(correlation).min() < -NO_VARIANCE:
+        # A negative variance of less is due to the digits of a given covariance.
+        if np.linalg.eigvalsh(correlation).min() < -1e-6:
             raise ValueError(
                 "covariance: a combination of the numbers has a negative variance: correlations"
                 " must lie between -1 and 1"

@@ -213,7 +213,7 @@ def line_curvatures(terms: Sequence[Term], greatest: float = 3.0) -> np.ndarray:
     logs = np.linspace(-1.0, 1.0, STATES) * np.log(greatest)
     first, second = (grid.ravel() for grid in np.meshgrid(logs, logs))
     kept = (first >= second) & (second >= -first - second) & (-first - second >= logs[0] - 1e-9)
-    stretches = np.exp(np.stack([first, second, -first - second], axis=1)[kept])
+    stretches = np.exp(np.column_stack([first, second, -first - second])[kept])
     angles = (np.arange(DIRECTIONS) + 0.5) * np.pi / 2 / DIRECTIONS
     polar, around, turn = (
         grid.ravel()

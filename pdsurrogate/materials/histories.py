@@ -1,9 +1,9 @@
 """Stress over time of homogeneous deformations of laws with memory, as references for simulations
 and for fits to tests.
 
-Between the times given, the stretch along the stress is linear in time, or the nominal stress that
-is given. Steps of branches follow a parabola through the strains at the ends and in the middle, and
-long ones are divided, so that no step is too long.
+Between the times given, the stretch along the stress is linear in time. Steps of branches follow a
+parabola through the strains at the ends and in the middle, and long ones are divided, so that no
+step is too long.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from ..kernels.branches import NODES, SHARES, slowness, weight_of_bow, weights_of_ends
@@ -27,26 +28,9 @@ LOGS: dict[str, Callable] = {
 ratio, by mode of loading; the third is that of the thickness, which is free of stress.
 """
 
-ITERATIONS = 60
-DIFFERENCE = 1e-7
-SOLVED = 1e-10
-"""Settings of Newton's method for stretch and volume: the greatest number of iterations, the
-interval of the differences of logarithms that give slopes, and the last step.
-"""
-
-GREATEST_MOVE = 0.2
-"""Greatest change of a logarithm in an iteration, so that a search stays within a law's limit."""
-
-
 STRAIN = 0.025
 """Greatest change of the logarithm of the stretch in a step of branches. Chosen: the overstress in
 equibiaxial tension then errs by less than a thousandth of itself in steps of any duration.
-"""
-
-CREEP = 3e-4
-MOST_PARTS = 1024
-"""Change of the logarithms of elastic stretches of branches in a step under a given stress, over
-their greatest value, by which halves of it may differ from the whole, and most parts of a step.
 """
 
 
@@ -118,7 +102,7 @@ def stress_history(
         raise ValueError(f"a stretch must be positive and finite, not {stretch.min():g}")
     along = np.log(stretch)
     if not incompressible:
-        return _solved(law, mode, time, stretch, lambda x, value: (np.log(value), x[0]), 1)
+        return _swelling(law, mode, time, stretch)
     logs = np.stack(LOGS[mode](along, np.zeros_like(along)), axis=1)
     squares = np.exp(2 * logs)
     branches = law.memory.branches
@@ -130,48 +114,6 @@ def stress_history(
     for number, branch in enumerate(branches):
         slopes = slopes + branch.modulus * squares / states[:, number]
     return History(time, np.exp(logs), (slopes[:, 0] - slopes[:, 2]) / stretch, states)
-
-
-def stretch_history(
-    law: Law, mode: str, time: ArrayLike, nominal_stress: ArrayLike, incompressible: bool = False
-) -> History:
-    """Return the history of a law with memory, from rest, at given nominal stresses (creep).
-
-    Parameters
-    ----------
-    law : Law
-    mode : str
-        "uniaxial", "equibiaxial" or "pure-shear".
-    time, nominal_stress : array-like, shape (n,)
-        Times, which never decrease, and stresses. A first stress other than 0, and a further one at
-        the same time, acts at once.
-    incompressible : bool
-        Whether the volume is kept, as if the bulk modulus were infinite.
-
-    Returns
-    -------
-    History
-        Stretches and stresses are NaN from the first row on that has no state.
-
-    Raises
-    ------
-    ValueError
-        If the mode is unknown, or times decrease.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> from pdsurrogate.materials.histories import stretch_history
-    >>> memory = pds.materials.Memory((pds.materials.Branch(1.0, 2.0),))
-    >>> law = pds.materials.NeoHookean(memory=memory)
-    >>> found = stretch_history(law, "uniaxial", [0, 2, 100], [1.0] * 3, incompressible=True)
-    >>> found.stretches[:, 0].round(3).tolist()
-    [1.197, 1.307, 1.463]
-    """
-    time, wanted = _checked(mode, time, nominal_stress)
-    if incompressible:
-        return _solved(law, mode, time, wanted, lambda x, _: (x[0], 0.0), 1, creeps=True)
-    return _solved(law, mode, time, wanted, lambda x, _: (x[0], x[1]), 2, creeps=True)
 
 
 def _checked(mode: str, time: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -332,109 +274,50 @@ def advanced(
     return solved
 
 
-def _solved(
-    law: Law,
-    mode: str,
-    time: np.ndarray,
-    driven: np.ndarray,
-    coordinates: Callable,
-    unknowns: int,
-    creeps: bool = False,
-) -> History:
-    """Return a history row by row, with `unknowns` found by Newton's method.
-
-    ``coordinates(x, value)`` returns logarithms of stretch and volume ratio at a value of what is
-    `driven`, the stretch or, if it `creeps`, the nominal stress. The stress across the thickness
-    vanishes; with a kept volume the pressure takes care of that.
+def _swelling(law: Law, mode: str, time: np.ndarray, stretch: np.ndarray) -> History:
+    """Return a history row by row, with the volumes that leave the thickness free of stress; NaN
+    from the first row on that has none.
     """
-    memory, parameters = law.memory, law.parameters
+    memory = law.memory
     moduli = np.array([branch.modulus for branch in memory.branches])[:, None]
     times = np.array([branch.time for branch in memory.branches])
     knots = padded_knots(memory.branches)
-    kept = creeps and unknowns == 1
+    squares, states = np.ones(3), np.ones((len(times), 3))
+    volume, peak, before = 0.0, 0.0, stretch[0]
+    found = History(
+        time,
+        np.full((len(time), 3), np.nan),
+        np.full(len(time), np.nan),
+        np.full((len(time), *states.shape), np.nan),
+    )
+    for row, elapsed in enumerate(np.diff(time, prepend=time[0])):
+        change = abs(np.log(stretch[row] / before)) if elapsed else 0.0
+        parts = max(1, int(np.ceil(change / STRAIN)))
+        for along in np.linspace(before, stretch[row], parts + 1)[1:]:
+            grown = advanced(states, squares, elapsed / parts / times, knots)
 
-    def step(known, elapsed, value):
-        """Return x, squares, states, the greatest energy, stretches and stress after a step."""
-        x, squares, states, peak, *_ = known
-        grown = advanced(states, squares, elapsed / times, knots)
+            def at(volume, along=along, grown=grown, peak=peak):
+                """Return squares, states, energy and principal Kirchhoff stresses."""
+                logs = np.array(LOGS[mode](np.log(along), volume)) - volume / 3
+                squares = np.exp(2 * logs)
+                states = grown(squares)
+                energy, slopes = isochoric(law, logs[None])
+                if memory.softening:
+                    slopes = slopes * softened(memory.softening, energy, np.maximum(peak, energy))
+                stress = slopes[0] + (moduli * squares / states).sum(axis=0)
+                J3 = np.exp(volume)
+                pressure = law.shear_modulus * J3 * law.volumetric(J3, law.parameters)[1]
+                return squares, states, float(energy[0]), stress - stress.mean() + pressure
 
-        def at(x):
-            """Return logarithms, squares, energy, principal Kirchhoff stresses and states."""
-            along, volume = coordinates(x, value)
-            logs = np.array(LOGS[mode](along, volume))
-            bare = logs - volume / 3
-            squares = np.exp(2 * bare)
-            energy, slopes = isochoric(law, bare[None])
-            factor = (
-                softened(memory.softening, energy, np.maximum(peak, energy))
-                if memory.softening
-                else 1.0
+            volume, root = scipy.optimize.newton(
+                lambda x, at=at: at(x)[-1][2], volume, tol=1e-12, full_output=True, disp=False
             )
-            states = grown(squares)
-            slopes = factor * slopes[0] + (moduli * squares / states).sum(axis=0)
-            J3 = np.exp(volume)
-            pressure = law.shear_modulus * J3 * law.volumetric(J3, parameters)[1]
-            kirchhoff = slopes - (slopes[2] if kept else slopes.mean() - pressure)
-            return logs, squares, energy[0], kirchhoff, states
-
-        def residual(x):
-            logs, *_, kirchhoff, _ = at(x)
-            nominal = [kirchhoff[0] * np.exp(-logs[0]) - value] if creeps else []
-            return np.array([*nominal, *([] if kept else [kirchhoff[2]])])
-
-        x = _root(residual, x)
-        logs, squares, energy, kirchhoff, states = at(x)
-        stress = kirchhoff[0] * np.exp(-logs[0])
-        return x, squares, states, max(peak, float(energy)), np.exp(logs), stress
-
-    def steps(known, elapsed, values):
-        for value in values:
-            known = step(known, elapsed / len(values), value)
-        return known
-
-    def elastic(known):
-        """Return logarithms of elastic stretches of the branches."""
-        return np.log(known[1] / known[2])
-
-    none = np.full(3, np.nan)
-    known = np.zeros(unknowns), np.ones(3), np.ones((len(times), 3)), 0.0, none, np.nan
-    rows, greatest, before = [], 0.0, driven[0]
-    for elapsed, value in zip(np.diff(time, prepend=time[0]), driven, strict=True):
-        parts = 1
-        if elapsed and not creeps:
-            parts = max(1, int(np.ceil(abs(np.log(value / before)) / STRAIN)))
-        found = steps(known, elapsed, np.linspace(before, value, parts + 1)[1:])
-        while elapsed and creeps and len(times) and parts < MOST_PARTS:
-            parts *= 2
-            whole, found = found, steps(known, elapsed, np.linspace(before, value, parts + 1)[1:])
-            greatest = max(greatest, np.abs(elastic(found)).max())
-            if not np.abs(elastic(whole) - elastic(found)).max() > CREEP * greatest:
-                break
-        known, before = found, value
-        rows.append((*known[4:], known[2]))
-        if not np.isfinite(known[5]):
-            break
-    stretches, stress = np.full((len(time), 3), np.nan), np.full(len(time), np.nan)
-    states = np.full((len(time), len(times), 3), np.nan)
-    for row, one in enumerate(rows):
-        if np.isfinite(one[1]):
-            stretches[row], stress[row], states[row] = one
-    return History(time, stretches, stress, states)
-
-
-def _root(residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return a zero near `start`, NaN if there is none, by Newton's method with slopes from
-    differences.
-    """
-    x = start
-    for _ in range(ITERATIONS):
-        here = residual(x)
-        moved = x + DIFFERENCE * np.eye(len(x))
-        slopes = np.stack([(residual(one) - here) / DIFFERENCE for one in moved], axis=1)
-        if not np.isfinite(slopes).all() or not np.linalg.det(slopes):
-            break
-        step = np.linalg.solve(slopes, here)
-        x = x - step * min(1.0, GREATEST_MOVE / max(np.abs(step).max(), GREATEST_MOVE))
-        if np.abs(step).max() < SOLVED:
-            return x
-    return np.full_like(start, np.nan)
+            if not root.converged:
+                return found
+            squares, states, energy, stress = at(volume)
+            peak = max(peak, energy)
+        before = stretch[row]
+        found.stretches[row] = np.sqrt(squares) * np.exp(volume / 3)
+        found.nominal_stress[row] = stress[0] / before
+        found.states[row] = states
+    return found

@@ -20,13 +20,6 @@ three to eight terms, and a response costs as much as its terms.
 NOT_GIVEN: Any = None
 """Default of a modulus that the constructor of a law computes from other parameters."""
 
-DEGREE = 29
-"""Degree of the polynomials that the quadrature integrates exactly. Chosen: Lebedev's rule of this
-degree has 302 directions, 46 of which differ in the squares of their components; a lower degree
-makes the law less exact toward its limit, where the longest chains carry all, a higher one costs in
-proportion.
-"""
-
 
 @dataclass(frozen=True)
 class Ogden(PrincipalStretchLaw):
@@ -180,7 +173,10 @@ def directions() -> np.ndarray:
     The remaining directions are unchanged by permutations of the three axes, which the symmetry of
     an isotropic law requires.
     """
-    points, weights = scipy.integrate.lebedev_rule(DEGREE)
+    # Lebedev's rule of this degree has 302 directions, 46 of which differ in the squares of their
+    # components; a lower degree makes the law less exact toward its limit, where the longest chains
+    # carry all, a higher one costs in proportion.
+    points, weights = scipy.integrate.lebedev_rule(29)
     squares, place = np.unique(np.round(points.T**2, 14), axis=0, return_inverse=True)
     total = np.bincount(place.ravel(), weights)
     return np.column_stack([total / total.sum(), squares / squares.sum(axis=1, keepdims=True)])

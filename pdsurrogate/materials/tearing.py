@@ -106,7 +106,7 @@ def tension_states(law: Law, stretch: float) -> tuple[np.ndarray, np.ndarray, np
     stresses, ratios = homogeneous.sheet_states(law, stretches, np.full(len(stretches), np.nan))
     of = np.isfinite(stresses)
     stretches, stresses, ratios = stretches[of], stresses[of], ratios[of]
-    F = np.stack([stretches, np.sqrt(ratios / stretches)], axis=1)[:, None] * np.eye(2)
+    F = np.column_stack([stretches, np.sqrt(ratios / stretches)])[:, None] * np.eye(2)
     return stretches, stresses, np.sqrt(np.maximum(PLANES["stress"].energy_at(law, F, ratios), 0.0))
 
 

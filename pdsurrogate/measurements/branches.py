@@ -220,7 +220,7 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
         x = stretch[some] - shift
         first = x - x**power
         second = first * (x**2 if mode == "equibiaxial" else 1 / x if mode == "uniaxial" else 1)
-        columns = np.stack([first, second], axis=1)
+        columns = np.column_stack([first, second])
         weights = np.linalg.lstsq(columns, stress[some], rcond=None)[0]
         slope = (1 - power) * weights.sum()
         return (columns @ weights - stress[some]) ** 2, float(slope)
@@ -243,7 +243,7 @@ def stretch_at_zero(stretch: np.ndarray, stress: np.ndarray, mode: str) -> float
         if shown:
             return 1.0 + best
     rows = np.flatnonzero(some)[:4]
-    line = np.stack([moved[rows], np.ones(len(rows))], axis=1)
+    line = np.column_stack([moved[rows], np.ones(len(rows))])
     slope, there = np.linalg.lstsq(line, size[rows], rcond=None)[0]
     slack = -there / slope if slope > 0 else 0.0
     slope *= slack / 4  # a quarter of the force that slack would have had

@@ -10,9 +10,6 @@ import numpy as np
 from .dialects import DIALECTS, OWN, Dialect, RawField
 from .text import decode, lines_in, split
 
-HEAD = 200
-"""Lines of a file among which the headings of columns are sought."""
-
 EMPTY = {"", "-", "nan", "-nan", "null", "none", "na", "n/a"}
 """Entries that stand for no number."""
 
@@ -40,7 +37,7 @@ def headings_of(path: Path) -> Headings | None:
     """Return the headings of a table of displacements, None for another file."""
     text = decode(path.read_bytes())
     lines = lines_in(text[0]) if text else []
-    for number, line in enumerate(lines[:HEAD]):
+    for number, line in enumerate(lines[:200]):
         for separator in ",;\t ":
             found = [
                 re.fullmatch(r"(.*?)(?:\s*[\[(]\s*([^\])]*?)\s*[\])])?", cell)
@@ -121,7 +118,7 @@ def rows_of_table(path: Path, unit: str | None, dimension: int) -> RawField:
         notes.append(f"columns in {its_unit} are read, not those in pixels (--unit px)")
     scale = 1.0 if its_unit == "px" else np.nan
     if dialect.pixels and {*dialect.pixels} <= values.keys() and not lost.all():
-        pixels = np.stack([values[name] for name in dialect.pixels], axis=1)[~lost]
+        pixels = np.column_stack([values[name] for name in dialect.pixels])[~lost]
         pixels, real = (part - part.mean(axis=0) for part in (pixels, places[~lost, :2]))
         scale = np.sqrt((real**2).sum() / (pixels**2).sum())
         down = pixels[:, 1] @ real[:, 1] > 0

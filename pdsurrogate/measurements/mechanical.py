@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import suggestion
+from ..arguments import check_known, suggestion
 from .branches import LEAST, branches, break_row, creep, energy_lost, records, stretch_at_zero
 from .breaks import NO_STRENGTH, WORDS, last_state, slip
 from .quantities import found_in
@@ -174,8 +174,8 @@ def _check(facts: Facts) -> None:
         (facts.stress, ("engineering", "true"), "stress"),
         (facts.zero, ("shift", "keep"), "zero"),
     ):
-        if value is not None and value not in known:
-            raise ValueError(f"unknown {what} {value!r}; {suggestion(str(value), known)}")
+        if value is not None:
+            check_known(value, known, f"unknown {what} {value!r}")
     if facts.rate is not None:
         _rate(facts)
     if facts.broke is not None and found_in(WORDS, str(facts.broke)) is None:

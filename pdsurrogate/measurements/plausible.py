@@ -45,8 +45,10 @@ class Reading:
 
     def __str__(self) -> str:
         kind = "stretch" if self.quantity in SOURCES["strain"] else "nominal stress"
-        span = f"{np.nanmin(self.values):.4g} to {np.nanmax(self.values):.4g}"
-        return f"{self.column.heading!r} as {self.quantity} ({kind} {span})"
+        return (
+            f"{self.column.heading!r} as {self.quantity} ({kind} {np.nanmin(self.values):.4g} to"
+            f" {np.nanmax(self.values):.4g})"
+        )
 
     @property
     def option(self) -> str:

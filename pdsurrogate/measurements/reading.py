@@ -5,15 +5,12 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..arguments import check_path, suggestion
+from ..arguments import check_known, check_path
 from .decks import is_deck, rows_of_deck
 from .layout import Found, read_rows, with_specimens
 from .quantities import UNITS, factor, fits, plain, quantities_of, unit_in
 from .table import FAMILIES, QUANTITIES, Block, Column, TableFile
 from .text import Row, decimal_sign, decode, lengths_in, rows_of, value
-
-LARGEST = 200_000_000
-"""Bytes of the largest file: one of tests that is larger has another content."""
 
 BINARY = {
     b"%PDF": "a PDF document",
@@ -132,7 +129,7 @@ def _meant(block: Block) -> set[str]:
 
 def _read(path: Path) -> TableFile:
     """Return the tables of a file by what its first bytes are."""
-    if (size := path.stat().st_size) > LARGEST:
+    if (size := path.stat().st_size) > 200_000_000:
         raise ValueError(f"a file of {size / 1e9:.1f} GB is no table of a test; {NEEDED}")
     data = path.read_bytes()
     if not data.strip():
@@ -205,8 +202,7 @@ def _workbook(path: Path) -> Found:
 
 def _named(quantity: str) -> None:
     """Raise ValueError for a name that is no quantity."""
-    if quantity not in (known := (*QUANTITIES, *FAMILIES)):
-        raise ValueError(f"there is no quantity {quantity}; {suggestion(quantity, known)}")
+    check_known(quantity, (*QUANTITIES, *FAMILIES), f"there is no quantity {quantity}")
 
 
 def _headings(blocks: tuple[Block, ...]) -> str:

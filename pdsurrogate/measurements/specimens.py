@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .breaks import weibull_modulus, with_deviation
+from .quantities import GEOMETRY
 from .table import TableFile
 
 MODES = "uniaxial", "equibiaxial", "pure-shear"
@@ -74,13 +75,7 @@ class Facts:
 
     def sizes(self) -> dict[str, str]:
         """Return the sizes of the specimen that are stated, by the names in `Block.facts`."""
-        found = {
-            "gauge length": self.gauge_length,
-            "area": self.area,
-            "width": self.width,
-            "thickness": self.thickness,
-            "diameter": self.diameter,
-        }
+        found = {name: getattr(self, name.replace(" ", "_")) for name in GEOMETRY}
         return {name: text for name, text in found.items() if text is not None}
 
     def unused(self, used: set[str]) -> str | None:
@@ -293,7 +288,7 @@ class Scatter:
         stresses = np.array([np.interp(places, *curve) for curve in curves])
         mean, variance = stresses.mean(axis=0), stresses.var(axis=0, ddof=1)
         greatest = max(float(np.abs(stress).max()) for _, stress in curves)
-        columns = np.stack([np.full(50, greatest**2), mean**2], axis=1)
+        columns = np.column_stack([np.full(50, greatest**2), mean**2])
         shares = nnls(columns, variance)[0]
         if not shares.sum() > 0:
             return None

@@ -25,17 +25,6 @@ equilibrium; the guess is then moved until the regions are rigid. Chosen: strain
 a thousandth of those beside them; a greater ratio costs digits of the factorization.
 """
 
-SAMPLES = 5
-"""Number of values of the loading parameter in each stage at which two prescribed motions are
-compared; motions equal at all of them count as equal. Chosen: amplitudes are smooth or tables, and
-two different ones that agree at five values are not written by accident.
-"""
-
-LEAST_SPREAD = 1e-6
-"""Singular value of the matrix of constraints on the rigid motions below which a motion counts as
-free. Chosen: two held points that are a thousandth of the body apart yield more.
-"""
-
 
 def conditions_of(
     scene: Scene,
@@ -158,12 +147,10 @@ def check_supports(
 def warn_of_points(scene: Scene, boundaries: Mapping[str, str]) -> None:
     """Warn of boundaries that are held at their points, see `held_at_points`."""
     for name, why in boundaries.items():
-        loss = (
-            "half a cell inside it, which makes the body too stiff there (a bushing by 16 % with 20"
-            " points through its wall)"
-        )
         warnings.warn(
-            f"scene {scene.name}: prescribed: {name} is held at its points, {loss}: {why}",
+            f"scene {scene.name}: prescribed: {name} is held at its points, half a cell inside it,"
+            " which makes the body too stiff there (a bushing by 16 % with 20 points through its"
+            f" wall): {why}",
             stacklevel=3,
         )
 
@@ -240,8 +227,10 @@ def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> Non
     of its positions, are refused too.
     """
     body = loading.body
+    # Motions are compared at five values in each stage: amplitudes are smooth or tables, and two
+    # different ones that agree at five values are not written by accident.
     samples = np.unique(
-        np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])
+        np.concatenate([ends[:1], *(np.linspace(a, b, 5) for a, b in pairwise(ends))])
     ).tolist()
     every = Loading(body, "t", 0.0, (), [], held, Loads(body, []))
     error = 1e-9 * body.spacing
@@ -269,24 +258,19 @@ def _check_motions(loading: Loading, held: list[Held], ends: list[float]) -> Non
             zip(one[apart], other[apart], strict=True),
             key=lambda pair: (every.component[pair[1]], pair[1]),
         )
-        names = f"{held[every.part[one]].name} and {held[every.part[other]].name}"
         point = every.point[other]
-        where = (
-            f"point {point} at {text_of(body.points[point])} differently along"
-            f" x{every.component[other] + 1}"
+        raise ValueError(
+            f"{held[every.part[one]].name} and {held[every.part[other]].name} move point {point}"
+            f" at {text_of(body.points[point])} differently along x{every.component[other] + 1}"
         )
-        raise ValueError(f"{names} move {where}")
     greatest = max(body.share.greatest(np.abs(loading.moves(sample))) for sample in samples)
     least = RESOLVED * strain_rounding(body, body.points) * body.spacing
     if 0 < greatest < least and not len(loading.loads):
-        what = (
-            f"the greatest displacement, {greatest:.2g}, is too small for double precision, which"
-            f" resolves {least:.1g} here"
-        )
         key = "prescribed" if loading.parameter == "t" else "stretches"
         raise ValueError(
-            f"{key}: {what}; apply larger ones and scale the results, or describe the body nearer"
-            " to the origin"
+            f"{key}: the greatest displacement, {greatest:.2g}, is too small for double precision,"
+            f" which resolves {least:.1g} here; apply larger ones and scale the results, or"
+            " describe the body nearer to the origin"
         )
 
 
@@ -320,23 +304,17 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
         where = f", at {text_of(body.points[loose[0]])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
         if count > 1:
-            thin = (
-                f"for example because a wall is thinner than the spacing {body.spacing:.3g}, or a"
-                " cut goes all the way through"
-            )
             advice = (
-                f"the body consists of {count} pieces without bonds between them, {thin}: use"
-                f" {body.finer}, or {advice}"
+                f"the body consists of {count} pieces without bonds between them, for example"
+                f" because a wall is thinner than the spacing {body.spacing:.3g}, or a cut goes"
+                f" all the way through: use {body.finer}, or {advice}"
             )
         raise ValueError(f"{key}: nothing keeps {what} from {' or '.join(motions)}; {advice}")
     if count > 1 and share.is_first:
-        why = (
-            "for example because a cut goes all the way through, or a wall is thinner than the"
-            f" spacing {body.spacing:.3g}"
-        )
         warnings.warn(
-            f"the body consists of {count} pieces without bonds between them, {why}; each piece is"
-            " held by itself",
+            f"the body consists of {count} pieces without bonds between them, for example because"
+            " a cut goes all the way through, or a wall is thinner than the spacing"
+            f" {body.spacing:.3g}; each piece is held by itself",
             stacklevel=2,
         )
 
@@ -346,8 +324,10 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
     shape (k, motions), leave free.
     """
     # The rank of R with R^T R = A^T A, which is small however many places there are.
+    # A motion is free below this singular value; two held points that are a thousandth of the body
+    # apart yield more.
     rank = np.linalg.matrix_rank(
-        np.linalg.qr(rows / np.sqrt(max(1, len(rows))), mode="r"), tol=LEAST_SPREAD
+        np.linalg.qr(rows / np.sqrt(max(1, len(rows))), mode="r"), tol=1e-6
     )
     if rank == rows.shape[1]:
         return []

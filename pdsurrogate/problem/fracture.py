@@ -199,10 +199,9 @@ class CriticalStretches:
             key = f"fracture.interfaces.{number}"
             self.of_interfaces[one, other] = self._critical(entry, (laws[one], laws[other]), key)
             if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
-                why = "they do not touch, or precuts separate them"
                 raise ValueError(
-                    f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why};"
-                    " leave the entry out"
+                    f"{key}.between: no bond crosses from {names[one]} to {names[other]}: they do"
+                    " not touch, or precuts separate them; leave the entry out"
                 )
         self.summary: dict = {
             "critical_stretch": self.of_materials[0],
@@ -307,7 +306,7 @@ def ends_of_pairs(body: Body, of_points: np.ndarray) -> np.ndarray:
     2); `of_points` are those of its points.
     """
     numbers = np.concatenate([of_points, of_points[body.ghosts.source]])
-    return np.stack([numbers[body.bonds.first], numbers[body.bonds.second]], axis=1)
+    return np.column_stack([numbers[body.bonds.first], numbers[body.bonds.second]])
 
 
 def check_walls(scene: Scene, body: Body) -> None:

@@ -80,11 +80,9 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
     for plane in body.planes:
         if (surface.parts[facets] == edge_of(plane)).any():
             edge = words_for(edge_of(plane), body)
-            why = (
-                f"which is held by reflection, so that a {load.kind} there acts on the support only"
-            )
             raise ValueError(
-                f"{key}: the region contains the {edge}, {why}; leave the {edge} out, or hold"
+                f"{key}: the region contains the {edge}, which is held by reflection, so that a"
+                f" {load.kind} there acts on the support only; leave the {edge} out, or hold"
                 " points (support=points)"
             )
     return facets
@@ -102,9 +100,9 @@ def _dead_forces(
     if load.kind == "force" and held:
         # It would pull at points half a cell inside the edge, which are free.
         edge = words_for(held[0], body)
-        why = f"the {edge} is held by reflection, so that a force there acts on the support only"
         raise ValueError(
-            f"{key}: {why}; give another region, or hold points instead (support=points)"
+            f"{key}: the {edge} is held by reflection, so that a force there acts on the support"
+            " only; give another region, or hold points instead (support=points)"
         )
     points = regions.points(load.region, key)
     points = points[body.share.own[points]]

@@ -37,19 +37,6 @@ MOST_CONTRAST = 30.0
 no energy: stresses are then 2 to 7 % off and thin soft layers lock.
 """
 
-NOT_CONFINED = 2.0
-"""Bulk modulus of a soft material divided by the shear modulus of a stiff one, beyond which the run
-warns of confined parts in plane strain. Chosen: a stiff material of more than half this bulk
-modulus yields as much as the soft one where it is confined.
-"""
-
-AS_GOOD_AS_RIGID = 1e4
-"""Ratio of shear moduli beyond which the run recommends a rigid region for the stiff material.
-
-A box of rubber between blocks 1,000 times as stiff converges in 1,800 evaluations, between blocks
-80,000 times as stiff not within 4,500, and with rigid blocks in 970.
-"""
-
 
 def settings_of(scene: Scene) -> ForceSettings:
     """Return the `ForceSettings` of a scene: its keys that have the name of a setting, and
@@ -78,15 +65,12 @@ def warn_of_bulk_moduli(scene: Scene) -> None:
     }
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
-            moduli = (
-                f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear"
-                f" modulus, {law.shear_modulus:g}"
+            _warn(
+                scene,
+                f"{key}: the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the"
+                f" shear modulus, {law.shear_modulus:g}, so that Poisson's ratio is negative; set"
+                " bulk_modulus in the unit of shear_modulus; its default is 100 or 200 in any unit",
             )
-            remedy = (
-                "set bulk_modulus in the unit of shear_modulus; its default is 100 or 200 in any"
-                " unit"
-            )
-            _warn(scene, f"{key}: {moduli}, so that Poisson's ratio is negative; {remedy}")
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
@@ -103,54 +87,48 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
     for number, law in enumerate(laws if len(laws) > 1 else ()):
         cells = force.interfaces.cells_across(number, LEAST_CELLS)
         if 0 < cells < LEAST_CELLS:
-            thin = (
-                f"only about {cells:.0f} cells ({cells * force.body.spacing:.3g}) thick, and bonds"
-                " reach through it"
-            )
-            errors = (
-                "a soft layer of 2 cells is 1.6 times too stiff between parts 10 times as stiff (8"
-                " times if they are 100 times as stiff)"
-            )
             _warn(
                 scene,
-                f"the part with shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; use a"
-                " smaller spacing",
+                f"the part with shear modulus {law.shear_modulus:.4g} is only about {cells:.0f}"
+                f" cells ({cells * force.body.spacing:.3g}) thick, and bonds reach through it: a"
+                " soft layer of 2 cells is 1.6 times too stiff between parts 10 times as stiff (8"
+                " times if they are 100 times as stiff); use a smaller spacing",
             )
     moduli = [law.shear_modulus for law in laws]
     contrast = max(moduli) / min(moduli)
     stiff = f"one material is {contrast:.3g} times as stiff as another"
-    if contrast > AS_GOOD_AS_RIGID:
-        trouble = "equilibrium needs thousands of evaluations, or is not found"
+    # A box of rubber between blocks 1,000 times as stiff converges in 1,800 evaluations, between
+    # blocks 80,000 times as stiff not within 4,500, and with rigid blocks in 970.
+    if contrast > 1e4:
         _warn(
             scene,
-            f'{stiff}, and {trouble}: use material = "rigid" for it, which changes results by less'
-            " than 0.1 %",
+            f"{stiff}, and equilibrium needs thousands of evaluations, or is not found: use"
+            ' material = "rigid" for it, which changes results by less than 0.1 %',
         )
     if not force.has_energy and contrast > MOST_CONTRAST:
-        trouble = (
-            "has errors of 2 to 7 %, makes a soft layer of 4 cells many times too stiff, or finds"
-            " no equilibrium"
+        _warn(
+            scene,
+            f"{stiff}, for which {model} has errors of 2 to 7 %, makes a soft layer of 4 cells"
+            " many times too stiff, or finds no equilibrium: use force=bond-energy",
         )
-        _warn(scene, f"{stiff}, for which {model} {trouble}: use force=bond-energy")
+    # A stiff material of more than half the bulk modulus of the soft one yields as much as this
+    # does where it is confined.
     confined = [
         (one.shear_modulus, soft.bulk_modulus)
         for one in laws
         for soft in laws
-        if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
+        if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / 2.0
     ]
     if force.has_energy and scene.plane == "strain" and confined:
         beside = (
             "a material with shear modulus {:.4g} lies next to a softer one with bulk modulus"
             " {:.4g}".format(*confined[0])
         )
-        trouble = (
-            "the softer one is too soft where it is confined (by 6 to 14 % in a layer of 4 cells,"
-            " by 3 % in a layer of 8)"
-        )
         _warn(
             scene,
-            f'{beside}, and {trouble}; use a smaller spacing, or material = "rigid" for the stiff'
-            " part",
+            f"{beside}, and the softer one is too soft where it is confined (by 6 to 14 % in a"
+            " layer of 4 cells, by 3 % in a layer of 8); use a smaller spacing, or material ="
+            ' "rigid" for the stiff part',
         )
 
 
@@ -170,17 +148,12 @@ def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
         "traction",
         "pressure",
     }:
-        thin = (
-            f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure"
-            " on it acts on the material behind it"
-        )
-        errors = (
-            "its force in the results has errors of up to 31 % with 2 cells and 20 % with 3,"
-            " although all forces are in balance"
-        )
         _warn(
             scene,
-            f"{thin}: {errors}; apply the load as a force on the region, or use a smaller spacing",
+            f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or"
+            " pressure on it acts on the material behind it: its force in the results has errors"
+            " of up to 31 % with 2 cells and 20 % with 3, although all forces are in balance;"
+            " apply the load as a force on the region, or use a smaller spacing",
         )
 
 
@@ -311,11 +284,10 @@ def portions_of(
         if twice.any():
             first = before[twice.argmax()] - 1
             where = text_of(body.points[points[twice.argmax()]])
-            taken = (
+            error = ValueError(
                 f"materials.{first} and {key} both contain {int(twice.sum())} points, the first at"
-                f" {where}"
+                f" {where}; regions of different materials must not overlap"
             )
-            error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)
         of_points[points] = number
     found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}

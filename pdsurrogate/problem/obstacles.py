@@ -36,17 +36,6 @@ OVERLAP = 0.02
 of a round boundary lie as far from it, since its polygon has the area of the circle.
 """
 
-SHARP = 0.95
-"""Length of the mean of the unit normals of the facets that meet at a node, below which the node
-lies at an edge of the body: half of the angle between two normals is then 18 degrees, which is more
-than between facets of a round boundary.
-"""
-
-REACHES = 33
-"""Number of values of the loading parameter in a stage at which obstacles are checked for rigid
-regions in their way.
-"""
-
 GAUSS = {2: 0.5 + 3**-0.5 / 2, 3: 2 / 3}
 """Greatest shape function at the Gauss points of a facet, by dimension: with equal weights they
 integrate quadratic functions exactly.
@@ -79,13 +68,10 @@ def obstacles_of(
             direction = -np.array(shape.normal) if radius is None else np.array(shape.axis)
             direction /= np.linalg.norm(direction)
         if radius is not None and radius < LEAST_RADIUS * body.spacing:
-            small = (
-                f"{radius:g} is less than {LEAST_RADIUS:g} spacings"
-                f" ({LEAST_RADIUS * body.spacing:.4g})"
-            )
             raise ValueError(
-                f"{key}.{entry.shape}.radius: {small}, so that it would slip through the boundary;"
-                f" use {body.finer}"
+                f"{key}.{entry.shape}.radius: {radius:g} is less than {LEAST_RADIUS:g} spacings"
+                f" ({LEAST_RADIUS * body.spacing:.4g}), so that it would slip through the"
+                f" boundary; use {body.finer}"
             )
         travel = np.array([entry.x1, entry.x2, entry.x3 or 0.0])[: body.dimension]
         one = Obstacle(
@@ -103,16 +89,13 @@ def obstacles_of(
         deepest = int(gaps.argmin())
         error = None
         if gaps[deepest] < -OVERLAP * body.spacing:
-            overlap = (
-                f"at t = 0 the obstacle overlaps the body, by {-gaps[deepest]:.3g} at"
-                f" {text_of(places[deepest])}"
-            )
             turned = (
                 ", or turn its normal, which points into the obstacle" if radius is None else ""
             )
             error = ValueError(
-                f"{key}.{entry.shape}: {overlap}; begin outside, and move it toward the body with"
-                f" x1, x2 or x3{turned}"
+                f"{key}.{entry.shape}: at t = 0 the obstacle overlaps the body, by"
+                f" {-gaps[deepest]:.3g} at {text_of(places[deepest])}; begin outside, and move it"
+                f" toward the body with x1, x2 or x3{turned}"
             )
         body.share.agree(error)
         found.append(one)
@@ -135,7 +118,7 @@ def bar_rigid_regions(
         names the key.
     """
     body = loading.body
-    times = np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])])
+    times = np.unique([np.linspace(*ends, 33) for ends in pairwise([0.0, *ends])])
     for number, one in enumerate(loading.loads.obstacles if rigid else ()):
         of_points = scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1]
         nodes = one.surface.nodes
@@ -147,17 +130,11 @@ def bar_rigid_regions(
                 -one.gaps(nodes[places], one.amplitude(t))[0].min(initial=0.0) for t in times
             ]
             if max(deepest) > OVERLAP * body.spacing and loading.free[rigid[name]].all():
-                why = (
-                    "obstacles push on deformable materials alone, since rigid bodies would touch"
-                    " at single places"
-                )
-                remedy = (
-                    f"prescribe the motion of {name} in the place of the obstacle, or give it a"
-                    " stiff law"
-                )
                 raise ValueError(
                     f"obstacles.{number}: the obstacle {one.name} reaches the rigid region {name};"
-                    f" {why}: {remedy}"
+                    " obstacles push on deformable materials alone, since rigid bodies would touch"
+                    f" at single places: prescribe the motion of {name} in the place of the"
+                    " obstacle, or give it a stiff law"
                 )
 
 
@@ -194,7 +171,9 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     of_facets = surface.areas()[kept]
     mean = np.zeros((len(used), d))
     np.add.at(mean, facets, (surface.normals()[kept] / of_facets[:, None])[:, None])
-    sharp = np.linalg.norm(mean, axis=1) < SHARP * np.bincount(facets.ravel(), minlength=len(used))
+    # Half of the angle between two normals is then 18 degrees, more than between facets of a round
+    # boundary.
+    sharp = np.linalg.norm(mean, axis=1) < 0.95 * np.bincount(facets.ravel(), minlength=len(used))
     at_edge = sharp[facets].any(axis=1) & ~bonded[facets].any(axis=1)
     areas = (
         np.bincount(facets[~at_edge].ravel(), np.repeat(of_facets[~at_edge] / d, d), len(used))

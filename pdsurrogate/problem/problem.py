@@ -142,23 +142,18 @@ class Problem:
         force models.
         """
         units = self.scene.units
-        return {
+        found = {
             "scene": self.scene.name,
             "material": self.law.describe(),
             "support": self.scene.support,
-            **({"held_at_points": self.held_at_points} if self.held_at_points else {}),
+            "held_at_points": self.held_at_points,
             "units": {**units.model_dump(), "force": units.force, "energy": units.energy},
-            **({"grip_areas": self.measures.areas} if self.measures.nominal_stress else {}),
-            **(
-                {
-                    "materials": [
-                        self._describe_part(number) for number in range(len(self.scene.materials))
-                    ]
-                }
-                if self.scene.materials
-                else {}
-            ),
+            "grip_areas": self.measures.nominal_stress and self.measures.areas,
+            "materials": [
+                self._describe_part(number) for number in range(len(self.scene.materials))
+            ],
         }
+        return {key: value for key, value in found.items() if value}
 
     def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
         """Return the internal force of the body, and the force with loads, supports and rigid
@@ -260,9 +255,9 @@ class Problem:
             own = np.isin(every, numbers)
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
             if not pulls.any() and (self.loading.free[numbers] > 0).all():
-                why = "nothing holds this rigid region: it is not bonded to a deformable material"
                 raise ValueError(
-                    f"{name}: {why}; hold it with prescribed, or join it with the region that it"
+                    f"{name}: nothing holds this rigid region: it is not bonded to a deformable"
+                    " material; hold it with prescribed, or join it with the region that it"
                     " touches"
                 )
         regions = [
@@ -290,17 +285,11 @@ class Problem:
         if len(alone):
             plane = self.body.dimension == 2
             where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
-            lie = (
-                f"the bonds of {len(alone)} of its points, the first at"
-                f" {text_of(self.body.points[alone[0]])}, lie {where}"
-            )
-            needs = (
-                f"at least two {what} of points in {'either' if plane else 'every'} direction"
-                " everywhere"
-            )
             raise ValueError(
-                f"body: {lie}; it needs {needs}, at the spacing {self.body.spacing:.4g}: use"
-                f" {self.body.finer}"
+                f"body: the bonds of {len(alone)} of its points, the first at"
+                f" {text_of(self.body.points[alone[0]])}, lie {where}; it needs at least two"
+                f" {what} of points in {'either' if plane else 'every'} direction everywhere, at"
+                f" the spacing {self.body.spacing:.4g}: use {self.body.finer}"
             )
 
 

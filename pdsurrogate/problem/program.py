@@ -416,6 +416,8 @@ def names_of_forces(scene: Scene) -> dict[str, str]:
         names[key] = entry.name or (key if own == key else label_of_region(own, key))
         other, region = owners.setdefault(names[key], (key, own))
         if region != own:
-            one = f"{other} and {key} have different regions but the same name {names[key]!r}"
-            raise ValueError(f"{one}; give one of them another name")
+            raise ValueError(
+                f"{other} and {key} have different regions but the same name {names[key]!r}; give"
+                " one of them another name"
+            )
     return names

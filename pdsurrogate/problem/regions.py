@@ -27,28 +27,6 @@ part of another, cut cell. Points of the second layer lie one and a half cells i
 tetrahedron that touches the edge with one corner lies 2/3 or 3/4 inside.
 """
 
-RIM = 0.05
-"""Distance in cells by which a place may lie outside the facets of the boundary and still count as
-inside the body.
-
-Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline.
-"""
-
-NEAR = 2.0
-"""Greatest distance in cells from the place that a region states by its key ``near`` to the nearest
-point of the body; a scene with a greater distance is refused. Chosen: inside a body the nearest
-point lies 0.9 cells away at most; a place two cells away lies outside, and is a mistake in the
-scene.
-"""
-
-ALIKE = 1e-3
-"""Difference of distance, in cells, within which points count as equally near to a place. Chosen
-far above rounding, and far below the differences that points of a mesh have by chance.
-
-Such points lie on either side of an axis of symmetry, where a support at one of the points alone
-would turn the body.
-"""
-
 
 @dataclass(eq=False)
 class _Parts:
@@ -128,24 +106,28 @@ class _Points(_Parts):
         """Return the distances from the points that a region lists by number, or from those nearest
         to its place `near`.
 
-        They are 0 for these points, infinite for others. Several points may be equally near
-        (`ALIKE`). Raise ValueError if a number is too great, or if the nearest point is more than
-        `NEAR` cells from the place.
+        They are 0 for these points, infinite for others. Several points may be equally near to a
+        thousandth of a cell. Raise ValueError if a number is too great, or if the nearest point is
+        more than two cells from the place.
         """
         share = self.regions.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
-            if least > NEAR * self.regions.body.cell.max():
+            # Inside a body the nearest point lies 0.9 cells away at most.
+            if least > 2.0 * self.regions.body.cell.max():
                 place = text_of(np.array(region.near))
                 found = self.describe(nearest)
                 raise ValueError(
                     f"no point is close enough to {place}: the nearest one is {found},"
                     f" {distance[nearest]:.3g} away"
                 )
+            # Equally near, far above rounding and far below what points of a mesh have by chance,
+            # are points on either side of an axis of symmetry, where a support at one of them alone
+            # would turn the body.
             return self.numbered(
-                np.flatnonzero(distance <= least + ALIKE * self.regions.body.cell.min())
+                np.flatnonzero(distance <= least + 1e-3 * self.regions.body.cell.min())
             )
         numbers = np.array(region.points, dtype=np.int64)
         size = share.size
@@ -259,11 +241,11 @@ class BodyRegions:
         found = self._found(reference, key, parts)
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            few = (
-                f"where the points near the boundary, with which it moves, are {too_few(self.body)}"
+            raise ValueError(
+                f"{self._key(reference, key)}: the body is too thin at"
+                f" {text_of(surface.nodes[lost[0]])}, where the points near the boundary, with"
+                f" which it moves, are {too_few(self.body)}; use {self.body.finer}"
             )
-            thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
-            raise ValueError(f"{self._key(reference, key)}: {thin}; use {self.body.finer}")
         return found
 
     def edge(self, reference: str | Region) -> str | None:
@@ -295,15 +277,15 @@ class BodyRegions:
         """
         at = np.array([place], dtype=float)
         surface = self.surface()
+        # Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline.
         if not surface.encloses(at)[0] and not np.isfinite(
-            surface.distances(at, RIM * self.body.cell.max())[0]
+            surface.distances(at, 0.05 * self.body.cell.max())[0]
         ):
             distance, point = scipy.spatial.cKDTree(self.body.points).query(at[0])
-            nearest = (
-                f"its nearest point is {point} at {text_of(self.body.points[point])},"
-                f" {distance:.3g} away"
+            raise ValueError(
+                f"{key}: {text_of(at[0])} lies outside the body; its nearest point is {point} at"
+                f" {text_of(self.body.points[point])}, {distance:.3g} away"
             )
-            raise ValueError(f"{key}: {text_of(at[0])} lies outside the body; {nearest}")
 
     def _found(
         self, reference: str | Region, key: str | None, parts: _Points | _Facets

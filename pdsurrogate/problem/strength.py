@@ -306,7 +306,7 @@ def least_trace_of(law: Law, work: float, surface: Surface | None = None) -> flo
             J = np.linspace(1.0, TRACE_STEP * trace / 2, SAMPLES)
             half = TRACE_STEP * trace / 2
             root = np.sqrt(np.maximum(half**2 - J**2, 0.0))
-            F = np.sqrt(np.stack([half + root, half - root], axis=1))[:, :, None] * np.eye(2)
+            F = np.sqrt(np.column_stack([half + root, half - root]))[:, :, None] * np.eye(2)
             if not states.has_state(law, F).all():
                 return trace
             J3 = states.volume_ratio(law, *invariants(F))

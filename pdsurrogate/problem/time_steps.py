@@ -86,11 +86,10 @@ def check_dynamics(
                 what = "parts that are held"
                 least = units.amount(motion.duration * speed / wave, "time", ".4g")
                 slowest = f"the shortest possible duration is {least}"
-            apart = (
-                f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at"
-                f" {wave:.4g}{unit}"
+            raise ValueError(
+                f"{stage.key}.{stage.inertia.pace}: {what} would move apart at {speed:.4g}{unit},"
+                f" faster than shear waves at {wave:.4g}{unit}; {slowest}"
             )
-            raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
         # time of a shear wave through a horizon
         crossing = loading.body.horizon / wave
         damped = 2 * (stage.inertia.viscosity or 0.0)

@@ -1,6 +1,7 @@
 """Figures of deformed bodies, of solids from outside, and of curves."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -60,21 +61,6 @@ ONE_COLOR = 1e-4
 """Least range of a scale of colors, divided by the greatest absolute value of the field: a
 component that varies by much less, as by residuals of a solver (some 1e-6), has one color.
 """
-
-MOST_TICKS = 6
-"""Greatest number of intervals between ticks on the horizontal axis of curves: with more, their
-numbers would run into each other.
-"""
-
-MOST_MARKED = 30
-"""Number of points of a curve below which every point is marked: more marks would run into each
-other.
-"""
-
-
-ELEVATION = 22.0
-AZIMUTH = -58.0
-"""Direction of view in degrees: from the front right, a little above; x3 points up."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -165,6 +151,13 @@ def draw_mesh(axis, cells: CellMesh, colors: np.ndarray) -> None:
     axis.add_collection(LineCollection(cells.nodes[cells.outer_sides[0]], **OUTLINE))
 
 
+@contextmanager
+def styled(width: float, height: float) -> Iterator[Figure]:
+    """Yield an empty figure of a size in inches, drawn in the style of all figures."""
+    with matplotlib.rc_context(STYLE):
+        yield Figure(figsize=(width, height), layout="constrained")
+
+
 def curves_figure(
     x: Sequence[float],
     curves: dict[str, list[float]],
@@ -175,12 +168,10 @@ def curves_figure(
     """Return a figure of named curves over the common abscissae `x`, with reference values (x, y)
     as circles.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+    with styled(4.8, 3.2) as figure:
         axis = figure.subplots()
-        for (name, values), marker in zip(
-            curves.items(), cycle("osD^vP" if len(x) < MOST_MARKED else [""])
-        ):
+        # More marks than thirty would run into each other.
+        for (name, values), marker in zip(curves.items(), cycle("osD^vP" if len(x) < 30 else [""])):
             axis.plot(x, values, marker=marker, label=name)
         if references:
             axis.plot(
@@ -200,7 +191,8 @@ def curves_figure(
         if low < 0 < high:
             axis.axhline(0, color="0.7", lw=0.6, zorder=0)
         axis.set(xlabel=xlabel, ylabel=ylabel)
-        axis.locator_params(axis="x", nbins=MOST_TICKS)
+        # The numbers of more ticks would run into each other.
+        axis.locator_params(axis="x", nbins=6)
         return figure
 
 
@@ -247,10 +239,7 @@ def contour_figure(
     )
     rows = count // columns
     panel = scale * size
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(
-            figsize=(columns * panel[0] + 1.5, rows * (panel[1] + 0.4) + 0.8), layout="constrained"
-        )
+    with styled(columns * panel[0] + 1.5, rows * (panel[1] + 0.4) + 0.8) as figure:
         axes = figure.subplots(
             *(rows, columns),
             squeeze=False,
@@ -301,5 +290,5 @@ def draw_outside(
     axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
     axes.set(xlabel=places[0], ylabel=places[1], zlabel=places[2])
     axes.set(proj_type="ortho", aspect="equal")
-    axes.view_init(ELEVATION, AZIMUTH)
+    axes.view_init(22, -58)  # from the front right, a little above; x3 points up
     axes.locator_params(nbins=3)

@@ -64,12 +64,10 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
             held = lock.acquire(patience, 0.2)
         except Timeout:
             process, host, *_ = [*path.read_text(errors="replace").split(), "", ""]
-            taken = (
-                f"{folder}: {f'process {process} on {host}' if host else 'another process'} is"
-                " writing a run to this folder"
-            )
             raise FolderTaken(
-                f"{taken}; use another folder (or, if no run writes there, remove {path})"
+                f"{folder}: {f'process {process} on {host}' if host else 'another process'} is"
+                " writing a run to this folder; use another folder (or, if no run writes there,"
+                f" remove {path})"
             ) from None
         with held:
             yield
@@ -119,11 +117,10 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
         )
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
-        ways = (
-            "continue it with --resume, or start again with --overwrite (in Python resume=True or"
-            " overwrite=True)"
+        raise FolderTaken(
+            f"{folder} contains this run, which was interrupted: continue it with --resume, or"
+            " start again with --overwrite (in Python resume=True or overwrite=True)"
         )
-        raise FolderTaken(f"{folder} contains this run, which was interrupted: {ways}")
 
 
 def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:

@@ -16,12 +16,6 @@ from ..measurements.field import MeasuredField
 from ..scenes.model import with_unit
 from . import figures
 
-MOST_STEPS = 4
-"""Greatest number of images whose displacements are drawn, evenly chosen with the last one."""
-
-MOST_ARROWS = 400
-"""Greatest number of arrows in a panel: more would cover each other."""
-
 
 def tests_figure(
     curves: Sequence[tuple[str, Mapping[str, tuple[np.ndarray, np.ndarray]]]],
@@ -32,8 +26,7 @@ def tests_figure(
     for each branch.
     """
     branches = list(dict.fromkeys(branch for _, test in curves for branch in test))
-    with matplotlib.rc_context(figures.STYLE):
-        figure = Figure(figsize=(4.8, 3.6), layout="constrained")
+    with figures.styled(4.8, 3.6) as figure:
         axis = figure.subplots()
         for number, (name, test) in enumerate(curves):
             for branch, (x, y) in test.items():
@@ -50,18 +43,18 @@ def field_figure(field: MeasuredField) -> Figure:
     the color of their size.
     """
     steps = np.unique(field.step)
-    steps = steps[figures.spread(len(steps), MOST_STEPS)]
+    steps = steps[figures.spread(len(steps), 4)]
     size = np.linalg.norm(field.displacements, axis=1)
     limits = figures.limits_of(size[np.isin(field.step, steps)])
     x1, x2, label = (with_unit(what, field.unit) for what in (*figures.PLACES[:2], "displacement"))
-    with matplotlib.rc_context(figures.STYLE):
-        figure = Figure(figsize=(2.6 * max(len(steps), 2), 3.2), layout="constrained")
+    with figures.styled(2.6 * max(len(steps), 2), 3.2) as figure:
         axes = figure.subplots(1, len(steps), squeeze=False, sharey=True)[0]
         for axis, step in zip(axes, steps, strict=True):
             rows = np.flatnonzero(field.step == step)
             x, y = field.places[rows, :2].T
             colors = axis.scatter(x, y, 4, size[rows], **figures.colors_of(limits))
-            few = rows[:: -(-len(rows) // MOST_ARROWS)]
+            # More arrows than 400 would cover each other.
+            few = rows[:: -(-len(rows) // 400)]
             arrows = {"angles": "xy", "width": 0.003, "color": "0.2"}
             axis.quiver(*field.places[few, :2].T, *field.displacements[few, :2].T, **arrows)
             axis.set(aspect="equal", title=f"image {step}", xlabel=x1)
@@ -92,8 +85,7 @@ def mesh_figure(
     for number, name in enumerate(by_size[0]):
         shown[cell_groups[name]] = number
     sides = list(enumerate(by_size[1], len(by_size[0])))
-    with matplotlib.rc_context(figures.STYLE):
-        figure = Figure(figsize=(7.6, 4.6), layout="constrained")
+    with figures.styled(7.6, 4.6) as figure:
         if cells.dimension == 3:
             corners, owners = cells.outer_sides
             shown = shown[owners]

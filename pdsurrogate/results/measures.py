@@ -20,11 +20,6 @@ from ..materials.states import principal_stretches
 from ..ranks import Share
 from ..scenes import Probe, Units
 
-MOST_FITTED = 10_000
-"""Number of points of a cloud, evenly chosen, of which the roughness is computed; each needs a
-fit to some fifty others.
-"""
-
 
 def strain_energy(force: InternalForce) -> float:
     """Return this rank's share of the stored energy of a body in the state that its force evaluated
@@ -90,12 +85,13 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     neighboring points on lines along `axis`, divided by the greatest absolute value of the
     displacement.  For a smooth field of wavelength L the roughness is about (2 pi cell/L)^2 /
     sqrt(2); for a mode that alternates from point to point it is 4.  On a cloud four times the
-    deviation of the displacements of points (at most `MOST_FITTED`) from a fit to the points around
+    deviation of the displacements of points (at most 10,000) from a fit to the points around
     replaces the second differences.
     """
     greatest = np.abs(displacements[:, 1 - axis]).max()
     if body.tessellate is not None:
-        some = np.arange(0, len(body), -(-len(body) // MOST_FITTED))
+        # Each needs a fit to some fifty others.
+        some = np.arange(0, len(body), -(-len(body) // 10_000))
         second = (
             4
             * (displacements[some] - fields_at(body, body.points[some])[0](displacements))[

@@ -206,12 +206,7 @@ class Result:
         >>> found.derivatives.round(3)
         array([[1.044, 1.577]])
         """
-        if self.differentiated is None:
-            raise ValueError(
-                "sensitivity: a result that was read from files has no force model: call it on the"
-                " result of pds.simulate"
-            )
-        return self.differentiated(self, outputs, parameters, level)
+        return _simulated("sensitivity", self.differentiated)(self, outputs, parameters, level)
 
     def standard_errors(
         self, outputs: Sequence[str], covariance: LawCovariance | None = None, level: int = -1
@@ -268,12 +263,7 @@ class Result:
         ... }
         {'nominal_stress': 0.0104}
         """
-        if self.uncertain is None:
-            raise ValueError(
-                "standard_errors: a result that was read from files has no force model: call it on"
-                " the result of pds.simulate"
-            )
-        return self.uncertain(self, outputs, covariance, level)
+        return _simulated("standard_errors", self.uncertain)(self, outputs, covariance, level)
 
     def lowest_mode(self, level: int = -1) -> LowestMode:
         """Return the displacement that the body resists least in an equilibrium, with its
@@ -317,12 +307,7 @@ class Result:
         >>> round(mode.eigenvalue, 3), mode.stable, mode.displacements.shape
         (0.781, True, (48, 2))
         """
-        if self.resisting is None:
-            raise ValueError(
-                "lowest_mode: a result that was read from files has no force model: call it on the"
-                " result of pds.simulate"
-            )
-        return self.resisting(self, level)
+        return _simulated("lowest_mode", self.resisting)(self, level)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD
@@ -576,11 +561,10 @@ class Result:
 
     def __repr__(self) -> str:
         summary = self.summary
-        states = f"{len(self.states)} state{'' if len(self.states) == 1 else 's'}"
         end = "" if self.status == DONE else f", {self.status}"
         return (
             f"<Result of {summary['scene']} with {summary['force']}: {summary['n_points']} points,"
-            f" {states}{end}>"
+            f" {len(self.states)} state{'' if len(self.states) == 1 else 's'}{end}>"
         )
 
     def _repr_html_(self) -> str:
@@ -605,6 +589,16 @@ class Result:
         'Figure'
         """
         return _drawings().loading_figure(self)
+
+
+def _simulated(name: str, function: Callable | None) -> Callable:
+    """Return a function of a run; raise ValueError if a result has none."""
+    if function is None:
+        raise ValueError(
+            f"{name}: a result that was read from files has no force model: call it on the result"
+            " of pds.simulate"
+        )
+    return function
 
 
 def _drawings():

@@ -205,9 +205,12 @@ def _write_listing(path: Path, kind: str, attributes: str, lines: list[str]) -> 
     """Write an XML file of VTK that lists other files: one element of a given `kind` and
     `attributes`, with `lines` as its content.
     """
-    head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian">'
     inner = "\n".join(f"    {line}" for line in lines)
-    write_text(path, f"{head}\n  <{kind}{attributes}>\n{inner}\n  </{kind}>\n</VTKFile>\n")
+    write_text(
+        path,
+        f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian">\n'
+        f"  <{kind}{attributes}>\n{inner}\n  </{kind}>\n</VTKFile>\n",
+    )
 
 
 def pieces_of(path: Path) -> list[Path]:

@@ -38,13 +38,10 @@ def _way_of_loading(scene: SceneData) -> None:
         key for key in ("grips", "stretches", "times", "holds", "dynamics") if getattr(scene, key)
     ]
     if general and short:
-        ways = (
-            "use grips and stretches (with holds and dynamics), or prescribed, loads and obstacles"
-            " with steps (with dynamics in a step)"
-        )
         raise ValueError(
-            f"{short[0]} and {general[0]} belong to two different ways to define the loading:"
-            f" {ways}"
+            f"{short[0]} and {general[0]} belong to two different ways to define the loading: use"
+            " grips and stretches (with holds and dynamics), or prescribed, loads and obstacles"
+            " with steps (with dynamics in a step)"
         )
     if general and not scene.steps:
         raise ValueError(
@@ -62,10 +59,15 @@ def _way_of_loading(scene: SceneData) -> None:
         )
 
 
+def _first_rigid(scene: SceneData) -> str | None:
+    """Return the key of the first rigid region of a scene."""
+    return next((key for key, part in entries_of(scene, "materials") if part.material.rigid), None)
+
+
 def _rigid_regions(scene: SceneData) -> None:
     if scene.material is not None and scene.material.rigid:
         raise ValueError("material: cannot be rigid; define rigid regions as entries of materials")
-    rigid = next((key for key, part in entries_of(scene, "materials") if part.material.rigid), None)
+    rigid = _first_rigid(scene)
     moving = next(
         (key for key, step in entries_of(scene, "steps") if step.dynamics is not None), None
     )
@@ -140,11 +142,10 @@ def _program(scene: SceneData) -> None:
             and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment
         ):
             what = "t" if step.control is None else step.control
-            most = (
-                f"{step.largest_increment:g} would need more than {MOST_INCREMENTS:,} increments"
-                f" from {what} = {begin:g} to {step.to:g}"
+            raise ValueError(
+                f"{key}.largest_increment: {step.largest_increment:g} would need more than"
+                f" {MOST_INCREMENTS:,} increments from {what} = {begin:g} to {step.to:g}"
             )
-            raise ValueError(f"{key}.largest_increment: {most}")
         begin = step.to
 
 
@@ -212,9 +213,7 @@ def _fracture(scene: SceneData) -> None:
         raise ValueError(
             f'fracture.process: needs {where}, or process = "quasi-static" for a slow tear'
         )
-    if rigid := next(
-        (key for key, part in entries_of(scene, "materials") if part.material.rigid), None
-    ):
+    if rigid := _first_rigid(scene):
         raise ValueError(f"{rigid}: rigid regions cannot be part of a scene with fracture")
     names = names_of_materials(scene)
     given = set()
@@ -285,9 +284,7 @@ def _control(scene: SceneData) -> None:
             )
         if scene.fracture is not None:
             raise ValueError(f"{key}: a scene with fracture cannot be controlled by a displacement")
-        if rigid := next(
-            (other for other, part in entries_of(scene, "materials") if part.material.rigid), None
-        ):
+        if rigid := _first_rigid(scene):
             raise ValueError(
                 f"{key}: a body with a rigid region ({rigid}) cannot be controlled by a"
                 " displacement"

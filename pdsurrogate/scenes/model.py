@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from ..arguments import suggestion
+from ..arguments import check_known
 from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Branch, Law, Memory, Softening
 from ..materials.memory import from_prony
@@ -51,18 +51,6 @@ short horizons are more accurate and cheaper: 26 bonds.
 RIGID = "rigid"
 """Text that a scene gives in the place of a material law for a region that moves as one rigid
 body.
-"""
-
-LEAST_MODULUS = 1e-30
-MOST_MODULUS = 1e30
-"""Limits of the shear and the bulk modulus: between them forces and their squares, which norms
-need, neither overflow nor vanish in double precision at any spacing that is allowed.
-"""
-
-LEAST_SPACING = 1e-12
-MOST_SPACING = 1e12
-"""Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single
-precision.
 """
 
 
@@ -200,9 +188,13 @@ class MaterialSpec(StrictModel):
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
-            if not LEAST_MODULUS <= value <= MOST_MODULUS:
-                taken = f"outside the supported range from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
-                raise ValueError(f"{key} is {value:g}, {taken}; use another unit of stress")
+            # Forces and their squares, which norms need, then neither overflow nor vanish in double
+            # precision at any spacing that is allowed.
+            if not 1e-30 <= value <= 1e30:
+                raise ValueError(
+                    f"{key} is {value:g}, outside the supported range from 1e-30 to 1e+30; use"
+                    " another unit of stress"
+                )
 
     @property
     def rigid(self) -> bool:
@@ -222,17 +214,12 @@ class MaterialSpec(StrictModel):
         """
         if self.artifact is not None:
             raise ValueError(f"it is that of the artifact {self.artifact}, which only runs read")
-        if self.law not in LAWS:
-            raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
+        check_known(self.law, sorted(LAWS), f"unknown law {self.law!r}")
         law = LAWS[self.law]
         known = law.defaults()
         given: dict[str, Any] = {}
         for key, value in (self.model_extra or {}).items():
-            if key not in known:
-                raise ValueError(
-                    f"{self.law} has no parameter {key!r};"
-                    f" {suggestion(key, sorted(known), 'it has')}"
-                )
+            check_known(key, sorted(known), f"{self.law} has no parameter {key!r}", "it has")
             listed = isinstance(value, list | tuple)
             if any(
                 isinstance(number, bool) or not isinstance(number, int | float)
@@ -643,7 +630,8 @@ class SceneData(StrictModel):
 
     name: SceneName
     title: str = ""
-    spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
+    # Volumes of cells, 1e-36 to 1e36, are normal numbers in single precision.
+    spacing: Annotated[Positive, Field(ge=1e-12, le=1e12)] | None
     stretches: Annotated[tuple[Level, ...], _OneOrMany] = ()
     times: Annotated[tuple[Annotated[Finite, Field(ge=0)], ...], _OneOrMany] = ()
     body: AnyBody

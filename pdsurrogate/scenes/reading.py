@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import check_path, suggestion
+from .model import MEMORY
 from .problems import SceneError
 from .scene import Scene
 
@@ -18,9 +19,6 @@ MOST_BYTES = 16 * 2**20
 """Greatest size of a scene or study file in bytes, enough for an outline of half a million
 corners.
 """
-
-MEMORY = {"branches", "prony", "softening"}
-"""Keys of a material that is not elastic alone."""
 
 
 def scene_names() -> list[str]:
@@ -100,7 +98,7 @@ def load_scene(
     if (
         built_in
         and isinstance(material, dict)
-        and MEMORY & material.keys()
+        and {*MEMORY} & material.keys()
         and "reference" not in dict(changed)
     ):
         data.pop("reference", None)  # it is a solution for the elastic material
@@ -160,8 +158,10 @@ def parse_change(change: str) -> tuple[str, Any]:
         except (tomllib.TOMLDecodeError, RecursionError):
             continue
     if value[0] in "{[":
-        needs = "text inside a table or list needs quotes, and numbers a digit before the point"
-        raise SceneError(f"{key}: {value} is not valid TOML; {needs}")
+        raise SceneError(
+            f"{key}: {value} is not valid TOML; text inside a table or list needs quotes, and"
+            " numbers a digit before the point"
+        )
     return key, [item.strip() for item in value.split(",")] if "," in value else value
 
 

@@ -11,14 +11,6 @@ from pydantic import BeforeValidator, Field
 from ..kernels.polygons import distances_to_segments, encloses
 from .strict_model import Point, Positive, StrictModel, Whole
 
-MOST_SEED = 2**63 - 1
-"""Greatest seed: the greatest integer of TOML."""
-
-FOOT_STEPS = 12
-"""Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part;
-twelve reach rounding at semi-axes in a ratio of 10 (measured).
-"""
-
 
 class Shape(StrictModel):
     """Closed shape of a body or a hole, in the plane or in three dimensions.
@@ -40,7 +32,7 @@ class Shape(StrictModel):
     dimension: ClassVar[int]
 
     arrangement: Literal["lattice", "relaxed"] = "lattice"
-    seed: Annotated[Whole, Field(ge=0, le=MOST_SEED)] = 0
+    seed: Annotated[Whole, Field(ge=0, le=2**63 - 1)] = 0  # the greatest integer of TOML
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
@@ -247,7 +239,8 @@ class Ellipse(Outline):
         # Within a quadrant, the center of curvature of the last foot leads to the next one.
         offsets = np.abs(places - center)
         along = np.full(places.shape, math.sqrt(0.5))
-        for _ in range(FOOT_STEPS):
+        # Twelve steps reach rounding at semi-axes in a ratio of 10 (measured).
+        for _ in range(12):
             evolute = (semi_axes**2 - semi_axes[::-1] ** 2) * along**3 / semi_axes
             arms = semi_axes * along - evolute
             ways = offsets - evolute
@@ -386,8 +379,8 @@ def _around(center: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
     quarter = max(3, math.ceil(math.pi * semi_axes.max() / cell.min()))
     step = math.pi / (2 * quarter)
     angles = step * np.arange(4 * quarter)
-    return center + math.sqrt(step / math.sin(step)) * semi_axes * np.stack(
-        [np.cos(angles), np.sin(angles)], axis=1
+    return center + math.sqrt(step / math.sin(step)) * semi_axes * np.column_stack(
+        [np.cos(angles), np.sin(angles)]
     )
 
 

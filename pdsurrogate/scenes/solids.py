@@ -418,6 +418,13 @@ class ParallelogramCut(Cut):
         if not np.linalg.norm(np.cross(one, other)) > 1e-9 * max(one @ one, other @ other):
             raise ValueError("sides: they span no area; give two of different directions")
 
+    @property
+    def _outline(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Ends of the sides in order around the cut."""
+        one, other = np.array(self.sides)
+        corners = np.add(self.corner, [0 * one, one, one + other, other])
+        return list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         one, other = np.array(self.sides)
         normal = np.cross(one, other)
@@ -437,29 +444,15 @@ class ParallelogramCut(Cut):
         return ((shares > ENDS) & (shares < 1 - ENDS)).all(axis=1)
 
     def distances(self, places: np.ndarray) -> np.ndarray:
-        corner = np.array(self.corner)
-        one, other = np.array(self.sides)
-        corners = [corner, corner + one, corner + one + other, corner + other]
-        beside = np.min(
-            [
-                distances_to_segments(places, *side)
-                for side in zip(corners, corners[1:] + corners[:1], strict=True)
-            ],
-            axis=0,
-        )
-        return np.where(self.covers(places), np.abs((places - corner) @ self.plane()[1]), beside)
+        corner, normal, _ = self.plane()
+        beside = np.min([distances_to_segments(places, *ends) for ends in self._outline], axis=0)
+        return np.where(self.covers(places), np.abs((places - corner) @ normal), beside)
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         found = []
-        corner = np.array(self.corner)
         normal = self.plane()[1]
-        one, other = np.array(self.sides)
-        for start, side in (
-            (corner, one),
-            (corner + one, other),
-            (corner + one + other, -one),
-            (corner + other, -other),
-        ):
+        for start, end in self._outline:
+            side = end - start
             length = np.linalg.norm(side)
             count = int(np.ceil(length / pitch))
             shares = (np.arange(count)[:, None] + 0.5) / count

@@ -120,12 +120,10 @@ def tip_diameters(
             _told(known, state, points)
             + " to ".join(dict.fromkeys(f"{ratio:g}" for ratio in (ratios[0], ratios[-1])))
         )
-    here = f"{_told(family, plane, arrangement)}{horizon_ratio:g}"
-    limited = (
-        f"for which the diameter of a crack tip was measured ({'; '.join(told)}), not for {here}"
-    )
     raise ValueError(
-        f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
+        "fracture.energy is available only in cases for which the diameter of a crack tip was"
+        f" measured ({'; '.join(told)}), not for"
+        f" {_told(family, plane, arrangement)}{horizon_ratio:g}; set fracture.critical_stretch"
         " instead"
     )
 
@@ -208,13 +206,10 @@ def tip_diameters_in(
     12 to 21 % more energy than prescribed.
     """
     if scene.weight != "inverse":
-        limited = (
-            "for which the diameter of a crack tip was measured (weight=inverse), not for"
-            f" weight={scene.weight}"
-        )
         raise ValueError(
-            f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch"
-            " instead"
+            "fracture.energy is available only in cases for which the diameter of a crack tip was"
+            f" measured (weight=inverse), not for weight={scene.weight}; set"
+            " fracture.critical_stretch instead"
         )
     points = getattr(scene.body, "arrangement", LATTICE)
     return tip_diameters(scene.plane, scene.horizon_ratio, family, points, bulk_ratio)

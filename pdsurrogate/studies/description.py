@@ -360,10 +360,9 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
     if study.design == "grid":
         number = math.prod(map(len, values))
         if number > MOST_RUNS:
-            to_draw = "use design=latin-hypercube to draw a sample from it"
             raise SceneError(
-                f"parameters: the grid has {number} runs, more than the limit {MOST_RUNS};"
-                f" {to_draw}"
+                f"parameters: the grid has {number} runs, more than the limit {MOST_RUNS}; use"
+                " design=latin-hypercube to draw a sample from it"
             )
         rows = itertools.product(*values)
     elif study.design == "zip":

@@ -271,10 +271,9 @@ def _derivatives(
         numbers["stretches"] = "stretch"
     if not numbers:
         told = ", ".join(study.parameters)
-        places = f"a number of {', '.join(PLACES)}, or stretches"
         raise SceneError(
-            f"derivatives: none of the parameters ({told}) is {places}: an equilibrium has"
-            " derivatives by these alone"
+            f"derivatives: none of the parameters ({told}) is a number of {', '.join(PLACES)}, or"
+            " stretches: an equilibrium has derivatives by these alone"
         )
     return study.derivatives, numbers
 

@@ -40,11 +40,6 @@ FIGURE = "study.png"
 DESCRIPTION = "study.json"
 RUNS = "runs"
 
-DIGITS = 16
-"""Number of hexadecimal digits in the name of a run's folder, which are the first of the run's
-digest. Among `MOST_RUNS` runs, two have the same name with a probability of 3e-10.
-"""
-
 
 @dataclass(frozen=True)
 class StudyResult:
@@ -356,7 +351,8 @@ def study(
     if not str(folder):
         raise ValueError("folder: the name is empty; give a folder for the results")
     folder = Path(folder).resolve()
-    places = [task.digest[:DIGITS] for task in tasks]
+    # Among `MOST_RUNS` runs two have the same 16 digits with a probability of 3e-10.
+    places = [task.digest[:16] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
     workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
     _check_table(folder, places, overwrite)

@@ -6,13 +6,12 @@ from collections.abc import Iterable
 from itertools import product
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..arguments import suggestion
 from ..results import tables
-from ..results.figures import STYLE
+from ..results.figures import styled
 from ..run.parameters import check_not_at_break
 from ..scenes import SceneError
 from ..scenes.reading import leaves
@@ -204,10 +203,7 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
     down = down[:MOST_DRAWN]
     if not across or not down:
         return None
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(
-            figsize=(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)), layout="constrained"
-        )
+    with styled(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)) as figure:
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for (i, quantity), (j, key) in product(enumerate(down), enumerate(across)):
             places = [row.get(key) for row in rows]

@@ -22,11 +22,6 @@ from ..run.simulate import SimulationInterrupted
 from ..scenes import SceneError
 from .runs import NOT_DONE, OUTCOME, FitTask, SceneTask
 
-SECONDS_TO_LEAVE = 10.0
-"""Seconds to wait for another process that still holds the folder of a run; a process whose
-study was killed ends within a second.
-"""
-
 Outcome = tuple[str, str | None]
 """Name of a run's folder, and the reason of its failure; None if it succeeded; `NOT_DONE` if its
 `max_time` was over.
@@ -144,15 +139,15 @@ class Workers:
             try:
                 client.wait_for_workers(1, timeout=10)
             except TimeoutError:
-                start = f"start them with: dask worker {self.scheduler}"
                 raise SceneError(
-                    f"scheduler: the scheduler at {self.scheduler} has no workers; {start}"
+                    f"scheduler: the scheduler at {self.scheduler} has no workers; start them"
+                    f" with: dask worker {self.scheduler}"
                 ) from None
             seen = client.run(os.path.isdir, str(folder))
             if blind := [worker for worker, found in seen.items() if not found]:
-                count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
                 raise SceneError(
-                    f"scheduler: {count}, cannot access {folder}; use a folder on a shared disk"
+                    f"scheduler: {len(blind)} of {len(seen)} workers, the first {blind[0]}, cannot"
+                    f" access {folder}; use a folder on a shared disk"
                 )
             yield None, {"backend": "dask", "client": client}, KilledWorker
 
@@ -173,7 +168,8 @@ def carry_out(
     if study is not None and os.getpid() != study:
         _end_without(study)
     try:
-        with occupied(folder, SECONDS_TO_LEAVE):
+        # A process whose study was killed, and which may hold the folder, ends within a second.
+        with occupied(folder, 10.0):
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
     except SimulationInterrupted as stopped:

@@ -122,15 +122,11 @@ def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np
     return separates
 
 
-TURNED_ABOUT = np.array([-2.0, 1.0, -2.0]) / 3
-"""Axis of rotations in three dimensions, parallel to no face of a block."""
-
-
 def turn(degrees: float, dimension: int = 2) -> np.ndarray:
     """Return the matrix of a rotation by an angle in degrees, shape (d, d), in three dimensions
-    about the axis `TURNED_ABOUT`.
+    about an axis parallel to no face of a block.
     """
-    axis = TURNED_ABOUT if dimension == 3 else np.array([0.0, 0.0, 1.0])
+    axis = np.array([-2.0, 1.0, -2.0]) / 3 if dimension == 3 else np.array([0.0, 0.0, 1.0])
     return Rotation.from_rotvec(degrees * axis, degrees=True).as_matrix()[:dimension, :dimension]
 
 
@@ -140,9 +136,8 @@ def wavy(points: np.ndarray) -> np.ndarray:
     """
     x1, x2, *rest = points.T
     across = [0.82 * x3 + 0.05 * x2 + 0.02 * np.sin(4 * x1) for x3 in rest]
-    return np.stack(
-        [1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across],
-        axis=1,
+    return np.column_stack(
+        [1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across]
     )
 
 

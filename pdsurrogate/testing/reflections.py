@@ -30,8 +30,8 @@ def reflected_half(subject: Subject) -> float:
     whole = plain(d, width=1.2)
     x1, x2, *rest = (whole.points - [0.6, 0, 0][:d]).T
     across = [0.8 * x3 + 0.03 * x2 * x1**2 for x3 in rest]
-    positions = np.stack(
-        [0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2, *across], axis=1
+    positions = np.column_stack(
+        [0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2, *across]
     )
     left = whole.points[:, 0] < 0.6
     force = subject.bind(whole)
@@ -115,4 +115,4 @@ def _deformed_at(
         *(0.9 * x3 + 0.05 * x2**2 for x3 in rest),
     ]
     force.loads.set(1.0)
-    return points.T, forces_at(force, np.stack(stretched, axis=1))
+    return points.T, forces_at(force, np.column_stack(stretched))

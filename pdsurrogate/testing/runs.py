@@ -4,7 +4,7 @@ states, balance, units, resumed runs.
 
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import permutations, product
@@ -28,9 +28,6 @@ ARRANGEMENTS = ("lattice", "relaxed", "mesh")
 """Arrangements of points in which homogeneous states must be exact; a mesh consists of triangles
 or tetrahedra.
 """
-
-CELLS = 8, 4
-"""Points, or cells of the mesh, along each side of the square or cube in a homogeneous state."""
 
 
 def write_mesh(path: Path, dimension: int, count: int) -> None:
@@ -62,7 +59,7 @@ def _unit_body(subject: Subject, arrangement: str) -> Iterator[dict]:
     double precision.
     """
     d = subject.dimension
-    count = subject.sized(*CELLS)
+    count = subject.sized(8, 4)
     rollers = [{"region": side, f"x{axis + 1}": 0.0} for axis, side in enumerate(SIDES[0][:d])]
     keys = {
         "prescribed": rollers,
@@ -120,61 +117,45 @@ def _response(subject: Subject, arrangement: str, F: np.ndarray) -> tuple[np.nda
     return np.diag(mean_stress_at(force, F)), float(force.volume_ratios().mean())
 
 
-def _of_tractions(arrangement: str) -> Property:
+def _under_tractions(subject: Subject, arrangement: str) -> tuple[np.ndarray, list[dict]]:
+    """Return a deformation gradient, and the tractions on all sides that it needs."""
+    first, second = 1.2, 0.95
+    last = (1 + _swelling(subject)) / first
+    stretches = {"stress": (first, second), "strain": (first, last)}
+    F = np.diag(stretches.get(subject.plane, (first, second, last / second)))
+    sides = zip(SIDES[1], np.diag(_response(subject, arrangement, F)[0]).tolist(), strict=False)
+    return F, [{"region": side, "traction": load} for side, load in sides]
+
+
+def _under_pressure(subject: Subject, arrangement: str) -> tuple[np.ndarray, list[dict]]:
+    """Return a deformation gradient, and the pressure on all sides that it needs."""
+    d = subject.dimension
+    stretch = 0.95 if subject.plane == "stress" else (1 - _swelling(subject)) ** (1 / d)
+    F = stretch * np.eye(d)
+    stress, J3 = _response(subject, arrangement, F)
+    pressure = float(-stress[0] * stretch / J3)  # on sides of the deformed thickness
+    return F, [{"region": side, "pressure": pressure} for side in SIDES[1][:d]]
+
+
+def _homogeneous(kind: str, loaded: Callable, arrangement: str) -> Property:
+    """Return the property that a kind of load on all sides makes a homogeneous state."""
+
     def measure(subject: Subject) -> float:
-        first = 1.2
-        second = 0.95
-        last = (1 + _swelling(subject)) / first
-        F = np.diag(
-            {
-                "stress": (first, second),
-                "strain": (first, last),
-                "space": (first, second, last / second),
-            }[subject.plane]
-        )
-        stress = np.diag(_response(subject, arrangement, F)[0])
-        loads = [
-            {"region": side, "traction": load.tolist()}
-            for side, load in zip(SIDES[1], stress, strict=False)
-        ]
-        return _displaced(subject, arrangement, F, loads)
+        return _displaced(subject, arrangement, *loaded(subject, arrangement))
 
     measure.__doc__ = (
-        "Return the relative error of the displacements of a square or cube under tractions on all"
+        f"Return the relative error of the displacements of a square or cube under {kind} on all"
         f" sides ({arrangement})."
     )
-    return Property(f"tractions_on_{arrangement}", EXACT, measure, FAILURES)
+    # The tolerance of the solver, and rounding.
+    return Property(f"{kind}_on_{arrangement}", 1e-5, measure, FAILURES)
 
-
-def _of_pressure(arrangement: str) -> Property:
-    def measure(subject: Subject) -> float:
-        d = subject.dimension
-        stretch = 0.95 if subject.plane == "stress" else (1 - _swelling(subject)) ** (1 / d)
-        F = stretch * np.eye(d)
-        stress, J3 = _response(subject, arrangement, F)
-        # The true stress, on sides of the deformed thickness.
-        loads = [
-            {"region": side, "pressure": float(-stress[0] * stretch / J3)} for side in SIDES[1][:d]
-        ]
-        return _displaced(subject, arrangement, F, loads)
-
-    measure.__doc__ = (
-        "Return the relative error of the displacements of a square or cube under pressure on all"
-        f" sides ({arrangement})."
-    )
-    return Property(f"pressure_on_{arrangement}", EXACT, measure, FAILURES)
-
-
-EXACT = 1e-5
-"""Greatest permitted relative error of displacements in a homogeneous state under loads: the
-solver's tolerance, and rounding.
-"""
 
 tractions_on_lattice, tractions_on_relaxed, tractions_on_mesh = (
-    _of_tractions(arrangement) for arrangement in ARRANGEMENTS
+    _homogeneous("tractions", _under_tractions, arrangement) for arrangement in ARRANGEMENTS
 )
 pressure_on_lattice, pressure_on_relaxed, pressure_on_mesh = (
-    _of_pressure(arrangement) for arrangement in ARRANGEMENTS
+    _homogeneous("pressure", _under_pressure, arrangement) for arrangement in ARRANGEMENTS
 )
 
 
@@ -211,17 +192,6 @@ def cuts_that_touch(subject: Subject) -> float:
     return np.abs(force_densities(subject.bind(body), body.points + 0.3 * above[:, None])).max()
 
 
-LENGTHS = (1.2, 0.8), (1.0, 0.8, 0.8)
-"""Sides of the body of `_loaded`, in the plane and in three dimensions; its points are 0.2 apart.
-Chosen: four to six points a side, few enough for runs under five loads and in four systems of
-units.
-"""
-
-DIRECTION = (1.0, 0.1, 0.0)
-"""Components of the traction on the free end, divided by the size of the load: it pulls, and
-bends a little.
-"""
-
 OFF_BALANCE = 2e-3
 """Greatest permitted sum of loads and reactions, divided by the load.
 
@@ -240,14 +210,6 @@ LOADS = (1e-9, 1e-7, 1e-5, 1e-2, 1.0)
 linear elasticity are at most some 1e-5.
 """
 
-LINEAR = LOADS[2]
-"""Greatest of the `LOADS` under which displacements must be proportional to the load."""
-
-POWERS = (-9, 9)
-"""Exponents of ten in the units of stress and length of `scale_of_units`. Chosen wider than any
-units in use.
-"""
-
 
 def _loaded(
     subject: Subject,
@@ -258,7 +220,7 @@ def _loaded(
     **changes,
 ) -> Scene:
     """Return the scene of a body held at its left face, with a traction on its right face of `load`
-    shear moduli times `DIRECTION`.
+    shear moduli that pulls, and bends a little.
 
     All moduli and the traction are multiplied by `stress`, all lengths by `length`, as by a change
     of units. `amplitude` is the course of the load in time, and `changes` are other keys of the
@@ -269,7 +231,7 @@ def _loaded(
     loads = [
         {
             "region": "right",
-            "traction": [size * part for part in DIRECTION[: subject.dimension]],
+            "traction": [size * part for part in (1.0, 0.1, 0.0)[: subject.dimension]],
             "amplitude": amplitude,
         }
     ]
@@ -279,8 +241,11 @@ def _loaded(
         "prescribed": [subject.held_at("left")],
         "steps": [1.0],
     }
+    # Four to six points a side: few enough for runs under five loads and in four systems of units.
     return subject.scene(
-        [length * side for side in subject.sized(*LENGTHS)], loads=loads, **described | changes
+        [length * side for side in subject.sized((1.2, 0.8), (1.0, 0.8, 0.8))],
+        loads=loads,
+        **described | changes,
     )
 
 
@@ -301,7 +266,7 @@ def small_loads(subject: Subject) -> float:
     """Return the greatest relative difference of compliances, displacement divided by load,
     under loads of 1e-9 to 1e-5 shear moduli.
     """
-    over = np.array([_moved(_level(subject, load)) / load for load in LOADS if load <= LINEAR])
+    over = np.array([_moved(_level(subject, load)) / load for load in LOADS[:3]])
     return off(over, over[-1])
 
 
@@ -330,7 +295,7 @@ def scale_of_units(subject: Subject) -> float:
     """
     expected = _level(subject, 1e-2)
     errors = []
-    for stress, length in product(POWERS, POWERS):
+    for stress, length in product((-9, 9), repeat=2):  # wider than any units in use
         level = _level(subject, 1e-2, 10.0**stress, 10.0**length)
         unit = 10.0**stress * (10.0**length) ** (subject.dimension - 1)
         errors.append(

@@ -19,7 +19,8 @@ from pdsurrogate.identification import (
     fitted_laws,
 )
 from pdsurrogate.identification.examination import examine
-from pdsurrogate.identification.history_report import fitted_history, report_of_history
+from pdsurrogate.identification.history_report import report_of_history
+from pdsurrogate.identification.reporting import fitted
 from pdsurrogate.materials import Branch, Memory, Softening
 from pdsurrogate.materials.histories import LOGS, stress_history
 
@@ -205,7 +206,7 @@ def test_a_file_with_times_is_taken_whole(file):
     assert len(data) == 240
     assert data.histories()[:, 3].max() == 2
     assert (data.weight == 1).all()
-    model = fitted_history(data, "neo-hookean", None, 3, False, False, {})
+    model = fitted(data, "neo-hookean", 3, {}, branches=None)
     report = report_of_history(model, data)
     assert [round(one["greatest_stretch"], 1) for one in report["curves"]] == [2.0] * 3
     assert max(one["relative_rms"] for one in report["curves"]) < 0.004

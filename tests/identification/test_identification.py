@@ -16,7 +16,7 @@ from pdsurrogate.identification import (
     held_out_modes,
     load_test_data,
     nominal_stress,
-    report,
+    reporting,
 )
 from pdsurrogate.materials import LAWS, homogeneous
 
@@ -239,7 +239,7 @@ def test_modes_are_held_out(treloar):
 
 def test_report_and_figure(treloar):
     model = fitted("gent", treloar)
-    found = report(model, treloar)
+    found = reporting.examined(model, treloar)
     assert found["rows"] == len(treloar)
     assert set(found["r_squared"]) == set(treloar.modes)
     worst = found["differences"]["uniaxial"]
@@ -257,13 +257,7 @@ def test_a_parameter_that_the_data_do_not_tell_has_no_finite_error():
     X = np.array([[1.2, 1.2**-0.5]])
     model = pds.identification.LawRegressor("gent").fit(X, [0.5])
     assert np.isinf(model.standard_errors_).all()
-    assert report(model, one_row(X, 0.5))["standard_errors"]["chain_limit"] is None
-
-
-def one_row(X, stress):
-    from pdsurrogate.identification import TestData
-
-    return TestData("one", np.array(["uniaxial"]), X, np.array([stress]), np.ones(1))
+    assert reporting.parameters_of(model)["standard_errors"]["chain_limit"] is None
 
 
 def test_shipped_data_are_what_their_sources_hold(treloar):
