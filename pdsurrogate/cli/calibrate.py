@@ -52,11 +52,9 @@ def calibrate(
     ],
     name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
-    fields: Annotated[
-        list[Path] | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)
-    ] = None,
+    fields: Annotated[list[Path] | None, Option(metavar="F.csv", help=FIELDS_HELP)] = None,
     image: FieldFacts,
-    forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
+    forces: Annotated[Path | None, Option(metavar="G.csv", help=FORCES_HELP)] = None,
     times: Annotated[
         str | None,
         Option(

@@ -205,9 +205,16 @@ def _seen_tests(read: MechanicalTests) -> Seen:
             words += [f"{file.encoding}, separated by {SIGNS.get(file.separator, 'blanks')}"]
             words += [f"decimal {SIGNS[file.decimal_sign]}"]
         titles[f"{file.path.name}: {', '.join(words)}"] = rows
-        signs = {"separator": file.separator, "decimal_sign": file.decimal_sign}
-        known = {"file": str(file.path), "form": file.form, "encoding": file.encoding}
-        forms.append({**known, **signs, "tables": rows})
+        forms.append(
+            {
+                "file": str(file.path),
+                "form": file.form,
+                "encoding": file.encoding,
+                "separator": file.separator,
+                "decimal_sign": file.decimal_sign,
+                "tables": rows,
+            }
+        )
     tests = [
         {
             "specimen": one.name,
@@ -232,12 +239,21 @@ def _seen_tests(read: MechanicalTests) -> Seen:
     torn = [asdict(one) for one in read.tears]
     return Seen(
         read.tables[0].path.stem,
-        {"file": read.name, "kind": "tests", "files": forms, "columns": columns}
-        | {"unit": read.unit, "specimens": tests, "at_break": broken, "tears": torn}
-        | {"remarks": list(read.assumed), "missing": list(read.missing)},
-        titles
-        | {"Columns": columns}
-        | {
+        {
+            "file": read.name,
+            "kind": "tests",
+            "files": forms,
+            "columns": columns,
+            "unit": read.unit,
+            "specimens": tests,
+            "at_break": broken,
+            "tears": torn,
+            "remarks": list(read.assumed),
+            "missing": list(read.missing),
+        },
+        {
+            **titles,
+            "Columns": columns,
             with_unit("Tests: stretch and nominal stress", read.unit): [
                 {key: row[key] for key in SHOWN} for row in tests
             ],

@@ -33,7 +33,7 @@ def export(
     *,
     to: Annotated[
         Literal[*TARGETS, *PROGRAMS],
-        Option("--to", help="Program or language."),
+        Option(help="Program or language."),
     ],
     change: SetLaw = None,
     folder: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the file.")] = Path(

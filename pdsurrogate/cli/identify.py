@@ -50,7 +50,6 @@ Terms = Annotated[
 Branches = Annotated[
     str | None,
     Option(
-        "--branches",
         metavar="auto|N",
         help="Fit viscoelastic branches to tests with times as well: so many, or as many as"
         " describe curves that are left out.",

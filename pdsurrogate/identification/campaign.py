@@ -71,7 +71,6 @@ class TableFacts(StrictModel):
         Texts,
         AfterValidator(_pairs),
         Option(
-            "--column",
             metavar="QUANTITY=HEADING",
             help="Heading or number of a column, as force=Kraft; may be repeated.",
         ),
@@ -79,7 +78,6 @@ class TableFacts(StrictModel):
     unit: Annotated[
         Texts,
         Option(
-            "--unit",
             metavar="QUANTITY=UNIT",
             help="Unit of a quantity, as stress=kPa, or of a field, as px; may be repeated.",
         ),

@@ -109,17 +109,8 @@ class TestData:
 
     def where(self, rows: np.ndarray) -> Self:
         """Return the given rows: a mask of shape (n,), or their indices in the order wanted."""
-        return type(self)(
-            self.name,
-            self.mode[rows],
-            self.stretches[rows],
-            self.nominal_stress[rows],
-            self.weight[rows],
-            self.row[rows],
-            self.tests,
-            self.time[rows],
-            self.curve[rows],
-        )
+        arrays = {key: one for key, one in vars(self).items() if isinstance(one, np.ndarray)}
+        return replace(self, **{key: values[rows] for key, values in arrays.items()})
 
     def histories(self, timed: bool = True) -> np.ndarray:
         """Return the rows as a `HistoryRegressor` takes them, shape (n, 4): stretches, time and

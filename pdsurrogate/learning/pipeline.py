@@ -32,11 +32,11 @@ AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 
 
 def bond_force_pipeline(
-    regressor=None,
-    features: str | None = None,
-    horizon: float = 1.0,
-    weight: str | None = None,
-    shear_modulus: float = 1.0,
+    regressor,
+    features: str | None,
+    horizon: float,
+    weight: str | None,
+    shear_modulus: float,
 ) -> InputAwareTargetRegressor:
     """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline`
     explains the arguments.

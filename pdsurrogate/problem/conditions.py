@@ -33,7 +33,7 @@ def conditions_of(
     loads: Loads,
     stages: tuple[Stage, ...],
     rigid: np.ndarray,
-    stress: NominalStress | None = None,
+    stress: NominalStress | None,
 ) -> Loading:
     """Return the boundary conditions and loads of a body (`Loading`), checked, with the first
     guesses of equilibria that follow from them.

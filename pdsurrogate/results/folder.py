@@ -76,7 +76,7 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
 WAY_OUT = "use another folder, or --overwrite (in Python overwrite=True)"
 
 
-def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
+def check_room(folder: Path, contents: dict, overwrite: bool) -> None:
     """Check that a run may write its results to a folder; by default only finished results of an
     equal run may be replaced.
 
@@ -123,7 +123,7 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
         )
 
 
-def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
+def make_room(folder: Path, contents: dict, overwrite: bool) -> None:
     """Remove the files of an earlier run, and no others, from a folder for a run with the given
     `contents`.
 
@@ -138,7 +138,7 @@ def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
             path.unlink()
 
 
-def claim(folder: Path, summary: dict, overwrite: bool = False) -> None:
+def claim(folder: Path, summary: dict, overwrite: bool) -> None:
     """Make room in a folder for a run with the given `summary`, and write the summary as that of a
     run under way: by it the folder is known as that of the run, should it be killed before it has
     written more.

@@ -76,7 +76,7 @@ def write_columns(path: Path, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def pixel_grid(
-    result, pixels: float, origin: tuple[float, float], fields: Sequence[str] = ()
+    result, pixels: float, origin: tuple[float, float], fields: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Return the displacements of a sheet at the pixels of the image of its undeformed state.
 
