@@ -28,6 +28,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import NoReturn
 
 import numba
 import numpy as np
@@ -252,7 +253,16 @@ def kernel(function: Callable) -> Callable:
     `kernel` within the pass; whether this copy or the kernel itself runs depends on what was
     compiled or loaded before, and the last bits of their results may differ.
     """
+    if numba.config.DISABLE_JIT:
+        return _refuse_switched_off
     return _enable_cache(numba.njit(**OPTIONS)(function), function)
+
+
+def _refuse_switched_off(*_) -> NoReturn:
+    """Raise the error of a compiler that is switched off."""
+    raise CompilerSwitchedOff(
+        "NUMBA_DISABLE_JIT is set in the environment, but forces need compiled code: unset it"
+    )
 
 
 def inline(function: Callable) -> Callable:
@@ -361,9 +371,7 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
     `digest` names the file of the cache; by default it is the digest of the function.
     """
     if numba.config.DISABLE_JIT:
-        raise CompilerSwitchedOff(
-            "NUMBA_DISABLE_JIT is set in the environment, but forces need compiled code: unset it"
-        )
+        _refuse_switched_off()
     compiled = CFunc(
         function,
         numba.core.sigutils.normalize_signature(signature),
