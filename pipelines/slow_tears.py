@@ -65,6 +65,9 @@ def torn(name, seed, process):
 LEGS = LISTED["legs"]
 """Changes of the scene `trousers`: with legs of 8 x 2 mm, and of half the points for dynamics."""
 
+LEG_MOTIONS = {"slower dynamics": (4.0, 0.1), "slower dynamics, damped": (4.0, 1.0)}
+"""Times over `LEG_TIME`, and damping, of other motions of the legs."""
+
 LEG_TIME = 13.0 / (0.004 * (0.72 / 1e-3) ** 0.5)
 """Time of 13 mm at 0.004 times the speed of shear waves."""
 
@@ -73,13 +76,15 @@ def legs(name, process):
     """Critical stretch of a trouser tear, mean force on its legs from a travel of 21 mm on,
     energy by that force (Rivlin and Thomas), force evaluations and error of the balance.
     """
-    motion = {"duration": LEG_TIME, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
+    slower, damping = LEG_MOTIONS.get(process, (1.0, 0.1))
+    motion = {"duration": slower * LEG_TIME, "density": 1e-3, "damping": damping}
+    motion["viscosity"] = 0.002
     last = {"to": 25.0} | (
         {"outputs": 13} if process == "quasi-static" else {"outputs": 60, "dynamics": motion}
     )
     changes = {"steps": [12.0, last], **LEGS[name]}
-    if process == "dynamics":
-        changes["fracture"] = changes["fracture"] | {"process": process}
+    if process != "quasi-static":
+        changes["fracture"] = changes["fracture"] | {"process": "dynamics"}
     scene = pds.load_scene("trousers", changes)
     result = pds.simulate(scene, "bond-energy", threads=1)
     rows = np.array([(row["t"], row["force_one_3"]) for row in result.history if row["t"] > 21.0])
@@ -162,7 +167,10 @@ RATES = {"dynamics": 0.004, "slower dynamics": 0.0004}
 
 PROCESSES = "quasi-static", *RATES
 TEARS = [*product(SHEETS, SEEDS, PROCESSES), *product(["cantilever"], [0], PROCESSES)]
-TROUSERS = [("as the scene", "quasi-static"), *(("half as wide", one) for one in PROCESSES[:2])]
+TROUSERS = [
+    ("as the scene", "quasi-static"),
+    *(("half as wide", one) for one in (*PROCESSES[:2], *LEG_MOTIONS)),
+]
 TIMED = (2.0, 0.21, "quasi-static"), (3.5, 0.0642, *PROCESSES[:2])
 """The scene `tear` with 728 and with some 8,000 points, processes in turn."""
 
