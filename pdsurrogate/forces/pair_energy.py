@@ -175,7 +175,8 @@ class PairEnergy(WorkOnPlanes):
 
     def passes(self, out: np.ndarray) -> Passes | None:
         steps = self._find_all.passes
-        if steps is None or self.memories or self._on_jumps is not None or self._model.domain:
+        counted = any(part.model.domain for part in self.parts)
+        if steps is None or self.memories or self._on_jumps is not None or counted:
             return None
         bind = self.kinematics.bind
         checks = [one for part in self.parts for one in part.checks(bind)]
