@@ -66,9 +66,9 @@ class States:
         On a rank that stores no fields, every value in the only one of the `parts` is None.
         """
         (fields,) = parts
-        self._keep(moment, fields)
+        self.keep(moment, fields)
 
-    def _keep(self, moment: Moment, fields: Fields | Path) -> None:
+    def keep(self, moment: Moment, fields: Fields | Path) -> None:
         """Keep a moment, and the fields on the points or the path of the file that holds them."""
         self.moments.append(moment)
         self._kept.append(fields)
@@ -150,7 +150,7 @@ class StatesInFiles(States):
         """
         states = cls(folder, name)
         for path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            states._keep(Moment(**vtk.read_values(path)), path)
+            states.keep(Moment(**vtk.read_values(path)), path)
         return states
 
     @property
@@ -196,7 +196,7 @@ class StatesInFiles(States):
                 fields,
                 values,
             )
-        self._keep(moment, path)
+        self.keep(moment, path)
         with share.ranks.together():
             if self.in_pieces and share.is_first:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]

@@ -34,7 +34,7 @@ class QuickSteps:
         apart: int,
     ) -> None:
         self._run = run
-        self._integrator = integrator
+        self.integrator = integrator
         self._books = books
         self._apart = apart
         self._runs = StepRuns(integrator, run.loading, apart, search)
@@ -45,7 +45,7 @@ class QuickSteps:
         Return the length of a step that has moved the points and is not done; None if all are.
         """
         run = self._run
-        integrator = self._integrator
+        integrator = self.integrator
         account = self._books.account
         crack = run.state.crack
         number = integrator.steps
@@ -86,7 +86,7 @@ class QuickSteps:
         """Return the spans of the next steps (k, 4), at most so many, and the times at which they
         end, before the time `due`.
         """
-        integrator = self._integrator
+        integrator = self.integrator
         time = self._books.account.time
         last = integrator.last_step
         step = integrator.next_step()

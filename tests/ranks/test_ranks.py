@@ -90,7 +90,7 @@ def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch
         asks, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False
     )
     assert done.returncode != 0
-    assert done.stderr.count("NotUnderMPI: 2 processes were started") == 2, done.stderr
+    assert done.stderr.count("2 processes were started, but each") == 2, done.stderr
     (reply,) = ranks(1, "not_under_mpi", "run", "hole")
     assert reply["status"] == 2
     assert "mpiexec -n 2 python -m mpi4py -m pdsurrogate" in reply["err"]

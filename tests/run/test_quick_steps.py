@@ -55,9 +55,9 @@ def test_steps_without_python_have_the_bits_of_others(held, force, plane, keys, 
     take = quick_steps.QuickSteps.take
 
     def counted(steps, due):
-        before = steps._integrator.steps
+        before = steps.integrator.steps
         moved = take(steps, due)
-        taken.append(steps._integrator.steps - before)
+        taken.append(steps.integrator.steps - before)
         return moved
 
     monkeypatch.setattr(quick_steps.QuickSteps, "take", counted)

@@ -123,7 +123,7 @@ def test_a_sheet_torn_off_a_clamp_is_through(timed):
     """The weakest square lies at the lower clamp, whose points keep no bond to it."""
     scatter = {"modulus": 10.0, "length": 0.5, "specimen": [2.0, 3.0], "seed": 2}
     program = (
-        {"dynamics": {"stretch": 3.5, "stretch_rate": 0.1, "density": 1.0}}
+        {"dynamics": {"stretch": 3.5, "stretch_rate": 0.1, "density": 1.0, "damping": 1.0}}
         if timed
         else {"dynamics": None, "stretches": [3.5]}
     )
