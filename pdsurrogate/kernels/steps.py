@@ -140,14 +140,11 @@ def _following(velocity, force, mass, rule):
 
 
 @Pass
-def take_step(
-    chunk, positions, velocities, forces, free, mass, damping, spans, most_travel, fastest
-):
+def take_step(chunk, positions, velocities, forces, free, mass, damping, spans, most_travel):
     """Take one explicit time step as `central_difference_step` does; return whether a point would
     move by more than `most_travel` in the next step.
 
-    `spans` begin with the lengths of this time step, of the step before and of the next. `fastest`
-    receives the greatest velocity component of each chunk.
+    `spans` begin with the lengths of this time step, of the step before and of the next.
     """
     step = spans[0]
     rule = _rule(0.5 * (step + spans[1]), damping)
@@ -158,7 +155,6 @@ def take_step(
             velocities[i, k] = v
             positions[i, k] += step * v
             greatest = max(greatest, abs(v))
-    fastest[chunk.number] = greatest
     return not greatest * spans[2] <= most_travel
 
 

@@ -182,8 +182,7 @@ class ExplicitDynamics:
         chunks = chunks_of(len(force.body.bonds.first))
         moved = velocities, self.forces, free, mass, float(damping), self.spans
         self._most = MOST_TRAVEL * force.body.spacing
-        fastest = np.zeros(chunks.number)
-        self.take = take_step.bind(positions, *moved, self._most, fastest, chunks=chunks)
+        self.take = take_step.bind(positions, *moved, self._most, chunks=chunks)
         self.find_energies = energies_of_step.bind(
             velocities, *moved, self.elastic, self.sums, chunks=chunks
         )

@@ -15,12 +15,15 @@ from .equilibrium import EquilibriumSolver, NotConverged, Unstable
 from .nearest_bonds import Preconditioner, random_vector
 from .tangent import tangent_product
 
-FORWARD = {"float64": 1e-6, "float32": 1e-3}
-"""Greatest displacement of a point in the forward differences of `FrequencyEstimate`, in spacings,
-by the precision of the force: near the root of the rounding of stretches.
+PROBES = {"float64": 1e-6, "float32": 1e-3}
+"""Bond strain of the difference quotients that approximate the tangent, by the precision of the
+force; in the forward differences of `FrequencyEstimate` the greatest displacement, in spacings.
 
-Quotients of lengths at single points have its errors: with 1e-6 in single precision frequencies of
-a body in one state were up to twice the highest one.
+In double precision the quotients are one-sided, with a relative error of about the strain times
+K/mu; central ones have errors of 1e-8 in columns 20 and 40 times as long as thick. In single
+precision rounding requires a greater strain, and those of `least_curvature` are central: their
+error is the square of the strain, and that of rounding a ten-thousandth. With 1e-6 frequencies at
+single points, of a body in one state, were up to twice the highest one.
 """
 
 
@@ -134,18 +137,8 @@ class FrequencyEstimate:
 
 def _forward(force: InternalForce) -> float:
     """Return the greatest displacement of a point in forward differences of a force."""
-    return FORWARD[force.precision] * force.body.spacing
+    return PROBES[force.precision] * force.body.spacing
 
-
-PROBES = {"float64": 1e-6, "float32": 1e-3}
-"""Bond strain of the difference quotients that approximate the tangent, by the precision of the
-force.
-
-In double precision the quotients are one-sided, with a relative error of about the strain times
-K/mu; central ones have errors of 1e-8 in columns 20 and 40 times as long as thick. In single
-precision rounding requires a greater strain, and the quotients are central: their error is the
-square of the strain, and that of rounding a ten-thousandth.
-"""
 
 MOST_PRODUCTS = 25
 """Maximum number of Lanczos steps. Preconditioned, a stable body has eigenvalues from some

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..engine.passes import BoundPass, Chain, Pass
+from ..engine.passes import BoundPass, Chain
 from ..engine.threads import Chunks
 from ..forces.evaluation import Evaluation, is_passes
 from ..kernels.steps import keep_row, next_row, put_row
@@ -16,7 +16,7 @@ from .loaded_force import LoadedForce
 
 
 class Taken(NamedTuple):
-    """What the account of energies needs of k steps."""
+    """Forces on the supports in k steps, and kinetic energies and powers of these."""
 
     on_points: np.ndarray
     """Forces on the held components of points, (k, m)."""
@@ -63,11 +63,15 @@ class StepRuns:
         held = np.ravel_multi_index(loading.there, positions.shape)
         whole = np.arange(evaluation.shifts.size)
 
+        def table(where: np.ndarray) -> np.ndarray:
+            self._tables.append(np.zeros((most, len(where))))
+            return self._tables[-1]
+
         def put(values: np.ndarray, where: np.ndarray) -> BoundPass:
-            return self._between(put_row, most, where, values)
+            return put_row.bind(table(where), self._row, where, values, chunks=self._chunks)
 
         def keep(values: np.ndarray, where: np.ndarray) -> BoundPass:
-            return self._between(keep_row, most, where, values)
+            return keep_row.bind(values, where, self._row, table(where), chunks=self._chunks)
 
         steps = [put(integrator.spans, np.arange(4)), integrator.take]
         steps += [put(positions.reshape(-1), held), put(evaluation.shifts, whole)]
@@ -88,17 +92,6 @@ class StepRuns:
         sums = integrator.sums.reshape(-1)
         steps += [integrator.find_energies, keep(sums, np.arange(sums.size))]
         self._chain = Chain(next_row.bind(self._row, chunks=self._chunks), *steps)
-
-    def _between(self, what: Pass, most: int, where: np.ndarray, values: np.ndarray) -> BoundPass:
-        """Return a pass between the row of a table of its own and `where` in flat `values`."""
-        table = np.zeros((most, len(where)))
-        self._tables.append(table)
-        arrays = (
-            (table, self._row, where, values)
-            if what is put_row
-            else (values, where, self._row, table)
-        )
-        return what.bind(*arrays, chunks=self._chunks)
 
     def __call__(self, spans: np.ndarray, now: Motions, ahead: Motions) -> tuple[int, Taken]:
         """Take steps until one needs Python; return how many are done, and of these what the

@@ -24,7 +24,7 @@ from pdsurrogate.body import grid
 from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communicator
 from pdsurrogate.ranks.share import connected
 from pdsurrogate.results.states import StatesInFiles
-from pdsurrogate.solvers.stability import FORWARD
+from pdsurrogate.solvers.stability import PROBES
 
 
 def summary_of(folder):
@@ -194,11 +194,11 @@ def check_bits(alone, shared, models):
         # `ba-nosb` takes bonds in blocks of a part's own, and the last of a block by other
         # instructions, which round differently.  Such forces of 0.6 a mass move points by 1e-14 in
         # a time of 2, and rounding of a hundred positions by as much.  The stable time step follows
-        # from differences of forces over a strain of `FORWARD`.
+        # from differences of forces over a strain of `PROBES`.
         close = {
             "forces": 1e-14 * np.abs(values).max(),
             "positions": 1e-13,
-            "time step": np.finfo(float).eps / FORWARD["float64"] * np.max(values),
+            "time step": np.finfo(float).eps / PROBES["float64"] * np.max(values),
         }
         if what == "energy":
             np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)

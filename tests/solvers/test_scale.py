@@ -153,8 +153,10 @@ def test_units_change_nothing_in_space():
         np.testing.assert_allclose(
             told(found, *units), told(expected, 1.0, 1.0), rtol=PART, atol=1e-4
         )
-        if units in POWERS:  # by others rounding differs, and decides about evaluations
-            assert found.summary["n_force_evaluations"] == expected.summary["n_force_evaluations"]
+        evaluations = [one.summary["n_force_evaluations"] for one in (found, expected)]
+        # In other units rounding differs, and with it the guess of a body so nearly incompressible;
+        # without its preconditioner the search takes many times as many.
+        assert evaluations[0] <= evaluations[1] * (1 if units in POWERS else 2)
 
 
 def test_single_precision_gives_way_to_double():
