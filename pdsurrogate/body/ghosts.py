@@ -458,7 +458,7 @@ class Ghosts:
 
     @cached_property
     def _mirrored_last_first(self) -> list[tuple]:
-        """Of every plane, from the last to the first: its number and those of its images, what
+        """Planes from the last to the first, each with its number, those of its images and of what
         these mirror, their parities, and what continues their gradients.
         """
         found = []

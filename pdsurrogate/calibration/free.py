@@ -140,6 +140,7 @@ def grouping(residuals: np.ndarray, places: np.ndarray, component: np.ndarray) -
     for axis in np.unique(component):
         here = component == axis
         where, at = np.unique(places[here], axis=0, return_inverse=True)
+        # Enough neighbors to show whether residuals of all steps are independent.
         near = cKDTree(where).query(where, min(13, len(where)))[1].reshape(len(where), -1)
         sums = np.bincount(at.ravel(), residuals[here], len(where))[near].sum(axis=1)
         total += float((sums**2).sum())

@@ -258,7 +258,7 @@ def kernel(function: Callable) -> Callable:
     return _enable_cache(numba.njit(**OPTIONS)(function), function)
 
 
-def _refuse_switched_off(*_) -> NoReturn:
+def _refuse_switched_off(*_, **__) -> NoReturn:
     """Raise the error of a compiler that is switched off."""
     raise CompilerSwitchedOff(
         "NUMBA_DISABLE_JIT is set in the environment, but forces need compiled code: unset it"

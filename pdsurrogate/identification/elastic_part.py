@@ -66,6 +66,7 @@ def elastic_without_law(states: np.ndarray, kept: Sequence[Term] | None = None) 
     functions of the first invariant if they are of one mode of loading, else of the second too.
     """
     if kept is None:
+        # The mode of loading of states that are strained less does not count.
         strained = np.abs(np.log(states[:, 0])) > 0.05
         of_one = len({*mode_of(states)[strained]}) < 2
         kept = [one for one in OF_TESTS if one.polyconvex and not (of_one and one.row[0] < 2)]

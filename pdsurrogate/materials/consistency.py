@@ -166,6 +166,7 @@ def compare_derivatives(
 
 
 def _at_rest(law, name, given, right, scale, what) -> None:
+    # Both are formulas.
     if not abs(given - right) <= 1e-6 * scale:
         raise ValueError(
             f"{law.name}: {name} of the undeformed material is {given:.6g}, but must be"

@@ -118,6 +118,7 @@ def bar_rigid_regions(
         names the key.
     """
     body = loading.body
+    # Rigid regions are looked for in the way at so many places of each stage.
     times = np.unique([np.linspace(*ends, 33) for ends in pairwise([0.0, *ends])])
     for number, one in enumerate(loading.loads.obstacles if rigid else ()):
         of_points = scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1]

@@ -51,7 +51,7 @@ class Packed:
     """
 
     def __init__(self, kind, *parts: np.ndarray) -> None:
-        self.kind = np.dtype(kind)
+        self.kind = np.dtype(kind).newbyteorder("<")  # as the files state
         self.components = 1
         self._blocks: list[bytes] = []
         self._rest = np.empty(0, dtype=np.uint8)

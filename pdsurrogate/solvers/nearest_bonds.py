@@ -235,7 +235,7 @@ class NearestBonds:
 
     @property
     def _excess(self) -> np.ndarray:
-        """What the stiffness of the springs along their bonds has more, shape (k,)."""
+        """Excess of the stiffness of the springs along their bonds over that across, shape (k,)."""
         return self._factors[1] * self._stiffness
 
     def on_axis(self, axis: int) -> Iterator[tuple[np.ndarray, ...]]:
