@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -163,10 +164,11 @@ def carry_out(
     return it.
 
     The kernels use `threads` threads, but at most as many as numba was started with. If the process
-    with the id `study`, which started this one, ends, this process ends as well.
+    with the id `study`, which started this one, ends, this process ends as well; Ctrl-C is left to
+    that process.
     """
     if study is not None and os.getpid() != study:
-        _end_without(study)
+        _depend_on(study)
     try:
         # A process whose study was killed, and which may hold the folder, ends within a second.
         with occupied(folder, 10.0):
@@ -184,12 +186,15 @@ def carry_out(
 
 
 @cache
-def _end_without(parent: int) -> None:
-    """Start a thread that ends this process when its parent has ended, so that no worker of a
-    killed study goes on writing.
+def _depend_on(parent: int) -> None:
+    """Let this process ignore Ctrl-C, and start a thread that ends it when its parent has ended, so
+    that no worker of a killed study goes on writing.
 
     `parent` is the process id of the parent.
     """
+    # A terminal sends Ctrl-C to the workers as well. It may reach one between two runs, in a
+    # callback of Python that cannot raise and prints a traceback; the parent ends its workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:
