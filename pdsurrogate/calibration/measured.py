@@ -17,9 +17,10 @@ from ..materials.covariance import numbers_of
 from ..problem.materials import checked_models
 from ..progress import listening
 from ..results import Result
+from ..run.differentiated import Differentiated, differentiated
 from ..run.followed import FollowedRun
 from ..run.parameters import check_not_at_break
-from ..run.sensitivity import Differentiated, Jacobian, differentiated
+from ..run.sensitivity import Jacobian, jacobian
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import Scene, SceneError
 from ..scenes.pulled import pulled_force
@@ -222,7 +223,7 @@ class MeasuredScene:
             body = body if measured else replace(body, at_places=None)
 
             def at(step: int) -> Jacobian:
-                return body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+                return jacobian(body, self._parameters[step], self._guesses[step], outputs, names)
 
             found = {}
             for step in self.steps:

@@ -18,9 +18,10 @@ from ..scenes.amplitudes import amplitude_of
 from ..scenes.problems import suggestion
 from ..scenes.reading import leaves
 from ..solvers.equilibrium import NoEquilibrium
+from .differentiated import STEP, differentiated
 from .parameters import by_key, check_not_at_break, laws_of, numbers_in
 from .reopened import check_intact, number_of_output
-from .sensitivity import LEAST_EXACT, STEP, TINY, Jacobian, differentiated
+from .sensitivity import LEAST_EXACT, TINY, Jacobian, jacobian
 
 
 def differentiate(
@@ -58,7 +59,7 @@ def differentiate(
         if scene.remembers:
             found = run.follow(outputs, parameters, number)[-1]
         else:
-            found = body.jacobian(at, result.displacement(number), outputs, parameters, control)
+            found = jacobian(body, at, result.displacement(number), outputs, parameters, control)
     except NoEquilibrium as error:
         why = (
             ""

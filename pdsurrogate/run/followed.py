@@ -12,9 +12,10 @@ from threadpoolctl import threadpool_limits
 from ..engine.threads import thread_count
 from ..forces import ForceModel
 from ..scenes import Scene
+from .differentiated import Differentiated
 from .parameters import numbers_in
 from .run import Run
-from .sensitivity import Differentiated, Jacobian
+from .sensitivity import Jacobian, present_jacobian
 from .stages import go, ready
 
 
@@ -54,7 +55,7 @@ class FollowedRun(Run):
         measuring: Callable[[Differentiated], Differentiated] = lambda body: body,
     ) -> list[Jacobian]:
         """Return the measurements of all outputs up to the number `last`, counted from 0, with
-        their derivatives, see `Differentiated.jacobian`.
+        their derivatives, see `jacobian` in `run/sensitivity.py`.
 
         ``measuring(body)`` returns a body with places that are measured besides the outputs.
 
@@ -85,9 +86,8 @@ class FollowedRun(Run):
         outputs, parameters, _ = self._asked
         ends = self.state.parameter == self.target
         here = self._at_outputs if ends else self.followed
-        found = replace(here, history=self.followed.history).present_jacobian(
-            outputs if ends else [], parameters, self._solver
-        )
+        body = replace(here, history=self.followed.history)
+        found = present_jacobian(body, outputs if ends else [], parameters, self._solver)
         self._found[len(self.state.levels)] = found  # the last increment of an output stays
         self.followed = replace(self.followed, history=found.history)
         self.loaded(self.positions, np.empty_like(self.positions))  # rows are of this state

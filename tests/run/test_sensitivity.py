@@ -10,8 +10,9 @@ from pdsurrogate.materials import LAWS, MooneyRivlin, Yeoh
 from pdsurrogate.materials.covariance import numbers_of, with_numbers_of
 from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem.materials import checked_models
+from pdsurrogate.run.differentiated import differentiated
 from pdsurrogate.run.parameters import numbers_in
-from pdsurrogate.run.sensitivity import differentiated
+from pdsurrogate.run.sensitivity import jacobian
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
@@ -335,10 +336,10 @@ def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
         "stretch" if scene.stretched else "t",
     ]
     holder = next(iter(result.levels[-1]["forces"]))
-    forward = body.jacobian(at, start, ["energy", f"forces.{holder}"], parameters)
+    forward = jacobian(body, at, start, ["energy", f"forces.{holder}"], parameters)
     for name in ("energy", f"forces.{holder}.0", f"forces.{holder}.1"):
         adjoint, row = (
-            body.jacobian(at, start, [name], parameters),
+            jacobian(body, at, start, [name], parameters),
             forward.derivatives[forward.names.index(name)],
         )
         assert adjoint.moved is None
@@ -357,18 +358,18 @@ def test_jacobians_of_displacements_at_places_are_those_of_changed_equilibria():
         ["nominal_stress"],
         1e-4,
     )
-    found = body.jacobian(at, start, outputs, ["stretch", "material.shear_modulus"])
+    found = jacobian(body, at, start, outputs, ["stretch", "material.shear_modulus"])
     assert found.names == (
         "nominal_stress",
         *(f"places.{place}.{axis}" for place in range(3) for axis in range(2)),
     )
     pulled = [
-        body.jacobian(at + change, found.displacements, outputs, ["stretch"]).values
+        jacobian(body, at + change, found.displacements, outputs, ["stretch"]).values
         for change in (step, -step)
     ]
     stiffer = [body.changed({"material.shear_modulus": 1 + change}) for change in (step, -step)]
     stiffer = [
-        side.jacobian(at, found.displacements, outputs, ["stretch"]).values for side in stiffer
+        jacobian(side, at, found.displacements, outputs, ["stretch"]).values for side in stiffer
     ]
     expected = np.array([(after - before) / (2 * step) for after, before in (pulled, stiffer)]).T
     assert np.abs(found.derivatives - expected).max() < CLOSE * np.abs(expected[1:]).max()
@@ -585,7 +586,7 @@ def test_derivatives_at_large_bulk_moduli_in_contact_and_of_slender_bodies(
     found = result.sensitivity(outputs, parameters)
     body = differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")))
     at = result.levels[-1]["stretch" if scene.stretched else "t"]
-    body.jacobian(at, result.displacement(), outputs, [])  # finds the pushes of obstacles
+    jacobian(body, at, result.displacement(), outputs, [])  # finds the pushes of obstacles
     for number, parameter in enumerate(parameters):
         column = found.derivatives[:, number]
         expected = by_settled(body, at, result.displacement(), found.outputs, parameter)
