@@ -69,6 +69,8 @@ class InternalForce:
         Correction of incomplete horizons, see `ForceSettings`.
     breakable : bool
         Whether `break_bonds` is allowed.
+    broken : ndarray of bool, shape (n_pairs,)
+        Flags of the pairs that `break_bonds` has broken; empty if none can break.
     plane : {"stress", "strain", "space"}
         Plane stress, plane strain, or three dimensions.
     has_energy : bool
@@ -125,6 +127,7 @@ class InternalForce:
         self.body = body
         self.portions = portions
         self.breakable = settings.breakable
+        self.broken = np.zeros(len(body.bonds.first) if settings.breakable else 0, dtype=bool)
         self.plane = settings.plane
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
@@ -423,6 +426,7 @@ class InternalForce:
             raise ValueError(
                 "the bonds of this force cannot break; bind it with ForceSettings(breakable=True)"
             )
+        self.broken[pairs] = True
         changed = self._kinematics.break_bonds(pairs)
         for term in self.terms:
             term.break_bonds(pairs, changed)

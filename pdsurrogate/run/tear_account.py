@@ -37,6 +37,9 @@ class Totals:
         parameter; 0 while unknown.
     events : int
         Equilibria in which bonds broke.
+    jumps : int
+        Equilibria with a bond loaded beyond its limit to which the body jumped from one without,
+        however small the increment.
     breaking : bool
         Whether bonds may be overloaded in the last equilibrium, of an avalanche.
     stored : float
@@ -59,6 +62,7 @@ class Totals:
     load: float = 0.0
     slope: float = 0.0
     events: int = 0
+    jumps: int = 0
     breaking: bool = False
     stored: float = 0.0
     unsure: float = 0.0
@@ -248,4 +252,8 @@ def tear_entry(run: Run) -> dict:
     totals = Totals(**(run.state.tear or {}))
     gaps = totals.gap, totals.greatest_gap
     advice = "use more outputs, or smaller increments"
-    return entries_of(run, totals.most_put_in, *gaps, advice) | {"events": totals.events}
+    found = entries_of(run, totals.most_put_in, *gaps, advice) | {"events": totals.events}
+    if totals.jumps:
+        jumped = f"the body jumped {totals.jumps} times to a state with a bond beyond its limit"
+        found["remark"] = "; ".join(filter(None, (found["remark"], jumped)))
+    return found

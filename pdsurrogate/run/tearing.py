@@ -1,5 +1,6 @@
 """Stages in equilibrium in which bonds break: slow tears."""
 
+import logging
 from contextlib import suppress
 from dataclasses import replace
 
@@ -18,6 +19,8 @@ from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
 from .tear_account import TearAccount
+
+logger = logging.getLogger(__name__)
 
 OVERLOAD = 2e-3
 """Greatest excess over 1 of the load of a bond, stretch over critical stretch, with which the first
@@ -53,7 +56,8 @@ ROUNDING = 1e-9
 
 MOST_TRIALS = 12
 """Most trials to find the loading at which a bond breaks. Loads are nearly linear in it, so that
-two suffice, unless the body jumps to another equilibrium.
+two suffice, and later trials at least halve the way; where the body jumps to another equilibrium,
+no loading with an excess within `OVERLOAD` exists.
 """
 
 
@@ -143,10 +147,16 @@ class Tearing(Equilibria):
         for trial in range(MOST_TRIALS):
             equilibrium, before = self._attempt(increments)
             load = run.damage.greatest_load(run.force)
-            if load <= 1 + OVERLOAD or trial == MOST_TRIALS - 1:
+            if load <= 1 + OVERLOAD:
+                break
+            if trial == MOST_TRIALS - 1:
+                self._account.totals.jumps += 1
+                jump = run.loading.at(run.state.parameter), load
+                logger.warning("%s: the load of a bond jumped to %.4g of its limit", *jump)
                 break
             before.restore(run, self.solver)
             part = (1 + OVERLOAD / 2 - at_begin) / (load - at_begin)
+            part = part if trial == 0 else min(part, 0.5)
             goal = begin + part * (increments.target - begin)
             increments = Increments(begin, goal, np.inf, part * increments.duration)
         self._accept(increments, before)

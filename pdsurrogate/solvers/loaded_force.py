@@ -143,6 +143,7 @@ for _name in [
     "force_scale",
     "nearly_incompressible",
     "zero_energy_modes",
+    "broken",
     "positions",
     "supported",
     "evaluations",

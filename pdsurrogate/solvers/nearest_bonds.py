@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from copy import copy
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -266,6 +267,24 @@ class NearestBonds:
         near = points[self.first] | points[self.sources]
         for name in ("first", "second", "sources", "_stiffness", "_along"):
             setattr(found, name, getattr(self, name)[near])
+        return found
+
+    @cached_property
+    def pairs(self) -> np.ndarray:
+        """Numbers of the bonds of the springs among the pairs of the body, shape (k,), rising."""
+        bonds = self.body.bonds
+        names = (
+            first.astype(np.int64) * len(self.body.all_points) + second
+            for first, second in ((bonds.first, bonds.second), (self.first, self.second))
+        )
+        return np.flatnonzero(np.isin(*names))
+
+    def weakened(self, broken: np.ndarray, left: float) -> NearestBonds:
+        """Return the network with the part `left` of the stiffness of springs, flags (k,), whose
+        bonds are `broken`.
+        """
+        found = copy(self)
+        found._stiffness = np.where(broken, left * self._stiffness, self._stiffness)
         return found
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:

@@ -12,6 +12,7 @@ from ..ranks import Share
 from .held import Support
 from .multigrid import conjugate_gradient_steps
 from .nearest_bonds import (
+    NearestBonds,
     Preconditioner,
     inverse_of,
     laplacian_of,
@@ -78,6 +79,13 @@ for their lowest modes with the usual preconditioner, which take a quarter of th
 """
 
 
+LEFT = 0.05
+"""Stiffness of the spring of a broken bond, divided by that of an intact one, so that no fragment
+is without springs. Chosen: a tear of 2,300 points needs 6,726 evaluations with 0.05, 6,812 with 0.2
+and 8,391 with 1.
+"""
+
+
 def is_slender(body: Body) -> bool:
     """Return whether a body is so slender that bending it takes small forces, compared with
     those of its bonds (`SLENDER`).
@@ -125,18 +133,42 @@ def preconditioner_of(
         inner = (
             inverse_with_regions(network, free, regions)
             if regions
-            else Preconditioner(inverse_of(network, free))
+            else _by_springs(network, force, free)
         )
         found = _touching(force, obstacles, inner)
+    elif body.share.divided:
+        found = Preconditioner(spring_solver_of(network, free, SOLVED))
     else:
-        found = Preconditioner(
-            spring_solver_of(network, free, SOLVED)
-            if body.share.divided
-            else inverse_of(network, free)
-        )
+        found = _by_springs(network, force, free)
     if force.nearly_incompressible:
         found = incompressible_inverse(force, found)
     return supported(found, supports, body.share) if supports and not obstacles else found
+
+
+def _by_springs(network: NearestBonds, force: InternalForce, free: np.ndarray) -> Preconditioner:
+    """Return the preconditioner that inverts a network of springs; of a body on one rank, without
+    obstacles, springs of broken bonds give way in `update` (`LEFT`).
+    """
+    inverse = inverse_of(network, free)
+    if not len(force.broken) or force.body.share.divided or force.obstacles:
+        return Preconditioner(inverse)
+    known = np.zeros(len(network.first), dtype=bool)
+
+    def solve(forces: np.ndarray) -> np.ndarray:
+        return inverse(forces)
+
+    def update() -> bool:
+        nonlocal inverse, known
+        if not force.broken.any():
+            return False
+        broken = force.broken[network.pairs]
+        changed = not np.array_equal(broken, known)
+        if changed:
+            known = broken
+            inverse = inverse_of(network.weakened(broken, LEFT), free)
+        return changed
+
+    return Preconditioner(solve, update)
 
 
 def _touching(

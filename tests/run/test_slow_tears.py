@@ -280,6 +280,28 @@ def test_the_first_bond_breaks_at_its_limit_however_far_the_loading_goes(stretch
     assert found == pytest.approx(critical, rel=2 * tearing.OVERLOAD)
 
 
+def test_a_jump_beyond_the_limit_is_told(monkeypatch, caplog):
+    """Where the greatest load leaps, no increment ends at a small excess: here since the limits of
+    all bonds fall to a part of them at a stretch.
+    """
+    load_of = Damage.greatest_load
+    whole = {}
+
+    def leaping(damage, force):
+        intact = np.isfinite(damage._limits)
+        start = whole.setdefault(damage, damage._limits.copy())
+        top = force.positions[: len(damage.body), 1].max()
+        fallen = top > 1.1 and not damage.broken.any()
+        damage._limits[intact] = start[intact] * (0.5 if fallen else 1.0)
+        return load_of(damage, force)
+
+    monkeypatch.setattr(Damage, "greatest_load", leaping)
+    scene = strip(spacing=0.125, fracture={"critical_stretch": 1.5}, stretches=[1.3])
+    account = pds.simulate(scene, "bond-energy", threads=1).summary["quasi_static"]
+    assert sum("jumped to" in record.getMessage() for record in caplog.records) == 1
+    assert "jumped 1 times" in account["remark"]
+
+
 def test_avalanches_that_wait_for_no_equilibrium_break_the_same_bonds(monkeypatch):
     def broken_and_evaluations():
         result = pds.simulate(short(), "bond-energy", threads=1)

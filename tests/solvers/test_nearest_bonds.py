@@ -8,6 +8,8 @@ import pdsurrogate as pds
 import pdsurrogate.solvers.nearest_bonds as nearest_bonds
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.discretization import discretize
+from pdsurrogate.forces import ForceSettings
+from pdsurrogate.solvers import preconditioner
 from pdsurrogate.solvers.nearest_bonds import (
     held_matrix,
     inverse_of,
@@ -15,6 +17,7 @@ from pdsurrogate.solvers.nearest_bonds import (
     spring_solver_of,
     springs_of,
 )
+from pdsurrogate.solvers.quasi_newton import QuasiNewton
 
 
 @pytest.mark.parametrize("network_of", [springs_of, laplacian_of])
@@ -73,3 +76,33 @@ def test_a_factor_of_any_size_solves_by_itself(random, monkeypatch):
     np.testing.assert_array_equal(
         spring_solver_of(network, free, 0.5)(forces), inverse_of(network, free)(forces)
     )
+
+
+@pytest.mark.parametrize(
+    ("middle", "half", "most"),
+    [((0.0, 0.0), (1.3, 0.5), 0.8), ((1.0, 0.5), (0.25, 0.25), 1.0)],
+    ids=["a crack", "a fragment"],
+)
+def test_springs_of_broken_bonds_give_way(monkeypatch, middle, half, most):
+    """A crack opens in fewer evaluations than with whole springs, and a loose fragment, which no
+    spring holds, disturbs no more than these do.
+    """
+    body = Body.rectangle(2.0, 1.0, 1 / 12, 2.2 / 12)
+    free = np.ones_like(body.points)
+    free[np.abs(body.points[:, 1] - 0.5) > 0.4] = 0
+    inside = (np.abs(body.points - middle) < half).all(axis=1)
+    bonds = body.bonds
+    broken = np.flatnonzero(inside[bonds.first] != inside[bonds.second])
+
+    def evaluations(left):
+        monkeypatch.setattr(preconditioner, "LEFT", left)
+        law = pds.materials.NeoHookean(1.0, 20.0)
+        settings = ForceSettings(breakable=True)
+        force = pds.load_surrogate("bond-energy").bind(body, law, settings)
+        positions = body.points * [1.0, 1.2]
+        solver = QuasiNewton(free, body.volumes)
+        solver.solve(force, positions)
+        force.break_bonds(broken)
+        return solver.solve(force, positions).evaluations
+
+    assert evaluations(preconditioner.LEFT) <= most * evaluations(1.0)
