@@ -230,7 +230,9 @@ class Equilibria:
             try:
                 return self.follow(increments), before
             except TooSmall:
+                reached = run.positions.copy()
                 before.restore(run, self.solver)
+                run.earlier = increments.target, reached
                 raise
             except FAILURES as error:
                 before.restore(run, self.solver)
@@ -262,7 +264,10 @@ class Equilibria:
         target = increments.target
         run.force.elapse(increments.duration, state.before)
         before = run.positions.copy()
-        guess = self._best(self._path.guesses(target), target)
+        guesses = self._path.guesses(target)
+        guess = self._best(guesses, target)
+        # What single precision reached at the target may lie on another branch.
+        continues = guesses[0] if run.earlier and run.earlier[0] == target else guess
         tolerance = run.problem.scene.solver.tolerance
         # A history is that of all states, an elastic state forgets the ones before it.
         if not (self._reports(increments) or run.force.history):
@@ -272,7 +277,7 @@ class Equilibria:
         equilibrium = self._solve(target, tolerance, guess)
         reached = self._path.reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
-        self._check(increments, reached, guess)
+        self._check(increments, reached, continues)
         state.parameter = reached
         return equilibrium
 

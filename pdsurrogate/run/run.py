@@ -70,7 +70,7 @@ class Run(System):
         Velocities with which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         Parameter and positions of the equilibrium before the last, from which the next first guess
-        may be extrapolated.
+        may be extrapolated; or of the next one as far as single precision found it.
     damage : Damage or None
         None without fracture.
     residual : float or None
@@ -146,16 +146,15 @@ class Run(System):
         """Replace the force by one in double precision, with the same state, broken bonds and
         counters.
         """
-        old = self.force
+        counters = ("evaluations", "pairs_outside", "most_outside", "seconds", "timed")
+        counts = {name: vars(self.force)[name] for name in counters}
+        arrays = self.force.state_arrays
+        del self.force, self.loaded  # before the next one, which is as large
         self.force, self.loaded = self.problem.bind("float64")
         for key, array in self.force.state_arrays.items():
-            array[:] = old.state_arrays[key]
+            array[:] = arrays[key]
         self.break_again()
-        self.force.evaluations = old.evaluations
-        self.force.pairs_outside = old.pairs_outside
-        self.force.most_outside = old.most_outside
-        self.force.seconds = old.seconds
-        self.force.timed = old.timed
+        vars(self.force).update(counts)
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to

@@ -56,13 +56,16 @@ def go(
             current = _stage_of(run, solver, checkpoints)
             if isinstance(current, Transient):
                 current.begin()
+        lost = ""
         try:
             follows = state.stage + 1 if current.go() else _dynamics_after(run)
         except TooSmall as error:
             if not run.takes_double():
                 raise
-            _take_double(run, error)
+            lost = str(error)
+        if lost:  # here nothing holds the search that failed any more
             current = None
+            _take_double(run, lost)
             solver = solver_of(run)
             continue
         if isinstance(current, Transient):
@@ -109,11 +112,11 @@ def _begin(run: Run) -> float:
     )
 
 
-def _take_double(run: Run, error: TooSmall) -> None:
-    """Change a run to double precision after `error`, which says that single precision does not
-    resolve the strains, and warn of it.
+def _take_double(run: Run, lost: str) -> None:
+    """Change a run to double precision, since single precision does not resolve the strains as
+    `lost` says, and warn of it.
     """
-    reason = f"{error}: from here on, forces are evaluated in double precision"
+    reason = f"{lost}: from here on, forces are evaluated in double precision"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
         warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)

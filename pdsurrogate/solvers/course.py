@@ -151,7 +151,7 @@ class Paths:
 
         The first guess follows the held parts from the last equilibrium; the second, if an earlier
         equilibrium is known, extrapolates linearly from both equilibria, between two grips over
-        short ways alone (`CLOSE`).
+        short ways alone (`CLOSE`), unless the earlier one is at `after` itself.
 
         Parameters
         ----------
@@ -173,8 +173,9 @@ class Paths:
                 f"the first guess strains a bond by {strain:.2g}, more than"
                 f" solver.largest_increment = {self._largest_strain:.4g}"
             )
-        alone = self.between_grips and strain > CLOSE
-        if alone or earlier is None or earlier[0] == before or after == before:
+        if earlier is None or earlier[0] == before or after == before:
+            return [guess]
+        if self.between_grips and strain > CLOSE and earlier[0] != after:
             return [guess]
         ratio = (after - before) / (before - earlier[0])
         planes = self._loading.plane_motions(before)

@@ -318,6 +318,23 @@ def test_a_level_out_of_balance_is_not_converged(monkeypatch):
     assert not caught.value.result.summary["converged"]
 
 
+def test_a_search_goes_on_in_double_precision_where_single_has_left_it(monkeypatch):
+    """The sum of rounding errors of ten million points exceeds the permitted sum of the forces, as
+    does here that of few points a smaller one: the search began anew, or stood still.
+    """
+    monkeypatch.setattr(equilibrium, "UNBALANCED", 5e-6)
+    scenes = [
+        pds.load_scene("uniaxial", {"spacing": 0.05, "stretches": 1.05, "precision": precision})
+        for precision in (None, "float64")
+    ]
+    found, double = (simulate(scene, "neo-hookean@2") for scene in scenes)
+    assert found.summary["precision"] == "float64"
+    extra = found.summary["n_force_evaluations"] - double.summary["n_force_evaluations"]
+    assert extra <= 8
+    forces = [result.levels[-1]["nominal_stress"] for result in (found, double)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-5)
+
+
 @pytest.mark.parametrize("modulus", [1e-300, 1e300])
 def test_moduli_beyond_what_is_computed_with_are_refused(modulus):
     """SuperLU ended in a traceback."""
