@@ -74,6 +74,22 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     return part
 
 
+def part_of(body: Body, numbers: np.ndarray) -> Body:
+    """Return a body of the points of another one with these numbers, rising, without its reflection
+    planes, boundary and groups.
+    """
+    return replace(
+        body,
+        points=body.points[numbers],
+        volumes=body.volumes[numbers],
+        groups={},
+        mesh_cells=None,
+        planes=(),
+        boundary=None,
+        share=Share.whole(len(numbers)),
+    )
+
+
 def rows_of(body: Body, kind: str) -> Rows:
     """Return a `Rows` that relates the rows of arrays on this rank, which has the part `body`, to
     the rows of arrays of the whole body.

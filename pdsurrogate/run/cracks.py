@@ -98,8 +98,15 @@ class Cracks:
         self._torn_images = np.flatnonzero(self._lost[self.run.body.ghosts.source])
 
     def break_bonds(self, pairs: np.ndarray, cause: str = "energy") -> None:
-        """Break pairs, given by number, in one event: update damage, force and the summary about
-        cracks, whose start has a `cause`, "energy" or "strength", in a body with strengths.
+        """Break pairs, given by number, in one event: `mark` them, and remove them from the
+        force.
+        """
+        self.mark(pairs, cause)
+        self.run.force.break_bonds(pairs)
+
+    def mark(self, pairs: np.ndarray, cause: str) -> None:
+        """Mark pairs as broken in one event: update damage and the summary about cracks, whose
+        start has a `cause`, "energy" or "strength", in a body with strengths.
         """
         run = self.run
         crack = self.run.state.crack
@@ -125,7 +132,6 @@ class Cracks:
             logger.info(
                 "%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places
             )
-        run.force.break_bonds(pairs)
 
     def _now(self) -> dict[str, float]:
         """Return the present loading parameter, and the time if there is one, by name, for the

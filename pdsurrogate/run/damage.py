@@ -52,6 +52,8 @@ class Damage:
         True for pairs (undirected bonds) that have broken.
     search : BoundPass
         Pass that returns the number of overstretched pairs.
+    limits : ndarray, shape (n_pairs padded to blocks,)
+        Squares of the lengths at which pairs break; infinite for broken ones.
     recent : ndarray of int, shape (n_pairs,)
         For pairs that broke since the last output, the number of the event (call of `break_bonds`)
         in which they broke, rising with time; 0 for other pairs.
@@ -70,8 +72,8 @@ class Damage:
         first, second = bonds.ends_in_blocks(BLOCK)
         length = _lengths(body, bonds.first, bonds.second)
         self._weights = body.weigh(length)
-        self._limits = np.full(len(first), np.inf)
-        self._limits[: len(length)] = (critical_stretch * length) ** 2
+        self.limits = np.full(len(first), np.inf)
+        self.limits[: len(length)] = (critical_stretch * length) ** 2
         self._found = np.empty(len(first), dtype=np.uint32)
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)
@@ -80,7 +82,7 @@ class Damage:
             body.all_points,
             first,
             second,
-            self._limits.reshape(-1, BLOCK),
+            self.limits.reshape(-1, BLOCK),
             scratch,
             self._found,
             self._counts,
@@ -104,7 +106,7 @@ class Damage:
         if not any(self._run_search()):
             return self._found[:0]
         chunks = len(self._counts)
-        blocks = len(self._limits) // BLOCK
+        blocks = len(self.limits) // BLOCK
         starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
         return np.concatenate(
             [
@@ -122,7 +124,7 @@ class Damage:
             return pairs, np.empty(0)
         bonds = self.body.bonds
         length = lengths_of(positions[bonds.second[pairs]] - positions[bonds.first[pairs]])
-        return pairs, length / np.sqrt(self._limits[pairs])
+        return pairs, length / np.sqrt(self.limits[pairs])
 
     def failing(self, force: InternalForce, strength: bool = True, alone: bool = False) -> Failing:
         """Return the pairs that break at the positions at which a force was last placed; those that
@@ -138,8 +140,14 @@ class Damage:
         bonds = self.body.bonds
         positions = force.positions
         square = np.square(positions[bonds.second] - positions[bonds.first]).sum(axis=1)
-        load = np.sqrt((square / self._limits[: len(square)]).max(initial=0.0))
+        load = np.sqrt((square / self.limits[: len(square)]).max(initial=0.0))
         return self.body.share.greatest(float(load))
+
+    def middles(self, pairs: np.ndarray) -> np.ndarray:
+        """Return the undeformed middles (k, d) of pairs."""
+        points = self.body.all_points
+        bonds = self.body.bonds
+        return (points[bonds.first[pairs]] + points[bonds.second[pairs]]) / 2
 
     def foremost(self, pairs: np.ndarray, loads: np.ndarray, alike: float) -> np.ndarray:
         """Return those overloaded pairs of this rank that break first: of each place of the body
@@ -158,14 +166,12 @@ class Damage:
         body = self.body
         share = self.body.share
         own = self._rows.own[pairs]
-        points = body.all_points
-        ends = body.bonds.first[pairs[own]], body.bonds.second[pairs[own]]
         numbers, loads, places = (
             np.concatenate(share.everywhere(rows))
             for rows in (
                 self._rows.numbers[pairs[own]],
                 loads[own],
-                (points[ends[0]] + points[ends[1]]) / 2,
+                self.middles(pairs[own]),
             )
         )
         waiting = np.lexsort((numbers, -loads))
@@ -181,13 +187,13 @@ class Damage:
         """Mark pairs, given by number, as broken in one event."""
         self._events += 1
         self.broken[pairs], self.recent[pairs] = True, self._events
-        self._limits[pairs] = np.inf
+        self.limits[pairs] = np.inf
 
     def restore(self) -> None:
         """Update the search for overstretched bonds and the number of events after `broken` and
         `recent` were read from a checkpoint.
         """
-        self._limits[: len(self.broken)][self.broken] = np.inf
+        self.limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
     @cached_property
@@ -212,13 +218,11 @@ class Damage:
         `pairs` are numbers of pairs of this rank that are in `recent`. Within an event the order is
         that of the pairs in the whole body, the same on any number of ranks.
         """
-        body = self.body
         share = self.body.share
         pairs = pairs[self._rows.own[pairs]]
         numbers = self._rows.numbers[pairs]
-        points = body.all_points
         events = self.recent[pairs]
-        places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
+        places = self.middles(pairs)
         places, events, numbers = (
             np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers)
         )

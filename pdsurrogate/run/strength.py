@@ -57,8 +57,8 @@ class StrongDamage(Damage):
         self._shares: dict[tuple[float, int], float] = {}
         self._outer = np.flatnonzero(body.bonds.second >= len(body))
         self._at_fronts = np.zeros(len(body.all_points), dtype=bool)
-        self._beyond = self._limits.copy()
-        self._limits[:] = np.inf
+        self._beyond = self.limits.copy()
+        self.limits[:] = np.inf
         self._open_fronts(body.bonds.cut.ravel())
 
     def break_bonds(self, pairs: np.ndarray) -> None:
@@ -84,7 +84,7 @@ class StrongDamage(Damage):
         outer = self._outer[self._at_fronts[bonds.second[self._outer]]]
         pairs = np.append(bonds.pair_of[entries_of(bonds.pointers, new)], outer)
         pairs = pairs[~self.broken[pairs]]
-        self._limits[pairs] = self._beyond[pairs]
+        self.limits[pairs] = self._beyond[pairs]
 
     def failing(self, force: InternalForce, strength: bool = True, alone: bool = False) -> Failing:
         found = super().failing(force)

@@ -47,6 +47,8 @@ class Totals:
     unsure : float
         Load of a bond, minus 1, above which the bond breaks next, where an avalanche did not wait
         for equilibrium.
+    window : list of float, optional
+        Middle of the last window in which bonds broke (`tear_window.py`).
     """
 
     work: float = 0.0
@@ -66,6 +68,7 @@ class Totals:
     breaking: bool = False
     stored: float = 0.0
     unsure: float = 0.0
+    window: list[float] | None = None
 
 
 @dataclass

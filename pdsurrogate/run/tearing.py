@@ -1,6 +1,7 @@
 """Stages in equilibrium in which bonds break: slow tears."""
 
 import logging
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
 from .tear_account import TearAccount
+from .tear_window import Window, can_have_windows
 
 logger = logging.getLogger(__name__)
 
@@ -90,6 +92,7 @@ class Tearing(Equilibria):
         bounded = replace(stage, largest_increment=min(bounds, default=None))
         self._path = ParameterPath(run, bounded, solver, LARGEST_STRAIN)
         self._cracks = Cracks(run, stage.duration is not None)
+        self._window: Window | None = None
         self._asked = -np.inf  # residual below which a search for equilibrium may end
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -171,9 +174,8 @@ class Tearing(Equilibria):
         totals = self._account.totals
         while not self.through:
             failing = run.damage.failing(run.force, alone=True)
-            surely = failing.loads > 1 + totals.unsure
-            pairs, loads = failing.pairs[surely], failing.loads[surely]
-            if not run.body.share.any(len(pairs) > 0):
+            foremost = self._foremost(failing.pairs, failing.loads)
+            if not run.body.share.any(len(foremost) > 0):
                 break
             if not totals.breaking:
                 self._row()
@@ -182,7 +184,6 @@ class Tearing(Equilibria):
                 totals.events += 1
             else:
                 self._pause()
-            foremost = run.damage.foremost(pairs, loads, OVERLOAD)
             equilibrium = self.break_bonds(foremost, failing.cause)
         if totals.breaking:
             totals.breaking = False
@@ -197,20 +198,93 @@ class Tearing(Equilibria):
         return equilibrium
 
     def break_bonds(self, pairs: np.ndarray, cause: str) -> Equilibrium:
-        """Break pairs, given by number, and the bonds of points that fail without them; find and
-        return the equilibrium under the same loads.
+        """Break pairs, given by number, those that follow in a `Window`, and the bonds of points
+        that fail without them; find and return the equilibrium under the same loads.
         """
         run = self.run
         run.force.elapse(0.0)
+        left = stored = self._account.energy
+        if self._in_window(pairs):
+            forces = self._forces()
+            while forces is not None and self._in_window(pairs):
+                released, pairs = self._tear_in_window(pairs, cause, forces)
+                left -= released
+                forces = self._forces()
+                stored = self._account.energy_left(forces is not None)
+            pairs = np.union1d(pairs, self._cracks.bonds_of_failed_points())
         while run.body.share.any(len(pairs) > 0):
             self._cracks.break_bonds(pairs, cause)
-            known = False
-            if run.force.has_energy:  # others know no collapsed pairs
-                with suppress(InvalidState):  # of points and bonds that fail next
-                    run.loaded(run.positions, np.empty_like(run.positions))
-                    known = True
+            # Forces without an energy know no collapsed pairs.
+            known = run.force.has_energy and self._forces() is not None
+            left -= stored
+            stored = self._account.energy_left(known)
+            left += stored
             pairs = self._cracks.bonds_of_failed_points()
-        return self._find_again(self._account.energy_left(known))
+        return self._find_again(left)
+
+    def _forces(self) -> np.ndarray | None:
+        """Return the forces (n, d) at the present positions; None if they are those of points and
+        bonds that fail next.
+        """
+        run = self.run
+        found = np.empty_like(run.positions)
+        with suppress(InvalidState):
+            run.loaded(run.positions, found)
+            return found
+        return None
+
+    def _in_window(self, pairs: np.ndarray) -> bool:
+        """Return whether pairs can break in a window: the last one, or one around them."""
+        run = self.run
+        totals = self._account.totals
+        if not (len(pairs) and can_have_windows(run)):
+            return False
+        if self._window is None and totals.window:
+            self._window = Window(run, np.array(totals.window))
+        if self._window is None or not self._window.contains(pairs):
+            self._window = Window(run, run.damage.middles(pairs).mean(axis=0))
+            totals.window = self._window.centre.tolist()
+        return self._window.fits and self._window.contains(pairs)
+
+    def _tear_in_window(
+        self, pairs: np.ndarray, cause: str, forces: np.ndarray
+    ) -> tuple[float, np.ndarray]:
+        """Break pairs, and those that are overloaded then in the window, from a state with these
+        forces (n, d); return the energy released, and overloaded pairs too far out.
+
+        All around stays where it was; it can only give way to the crack, so that these bonds would
+        break, too, if it were in equilibrium.
+        """
+        run = self.run
+        window = self._window
+        totals = self._account.totals
+        window.begin(forces)
+        released = 0.0
+        torn = []
+        while len(pairs) and window.contains(pairs):
+            self._cracks.mark(pairs, cause)
+            torn.append(pairs)
+            released += window.break_bonds(pairs)
+            found = True
+            totals.unsure = 0.0
+            self._asked = ROUGH
+            with suppress(_SurelyBreaks):
+                found = window.solve(FINE, self._end_if_sure)
+            pairs = self._foremost(*window.overloaded()) if found else pairs[:0]
+        self._asked = -np.inf
+        totals.unsure = 0.0
+        window.leave()
+        run.force.break_bonds(np.concatenate(torn))
+        return released, pairs
+
+    def _foremost(self, pairs: np.ndarray, loads: np.ndarray) -> np.ndarray:
+        """Return those of overloaded pairs, with these loads, that break next, see
+        `Damage.foremost`; none if none is.
+        """
+        surely = loads > 1 + self._account.totals.unsure
+        if not self.run.body.share.any(surely.any()):
+            return pairs[:0]
+        return self.run.damage.foremost(pairs[surely], loads[surely], OVERLOAD)
 
     def _find_again(self, left: float) -> Equilibrium:
         """Find and return the equilibrium under the present loads after bonds have broken, which
@@ -265,13 +339,20 @@ class Tearing(Equilibria):
         """Add nothing: the table would have a row for each of thousands of evaluations. End the
         search after a break once it is sure which bond breaks next.
         """
+        run = self.run
+        self._end_if_sure(residual, lambda: run.damage.failing(run.force, alone=True).loads)
+
+    def _end_if_sure(self, residual: float, overloads: Callable[[], np.ndarray]) -> None:
+        """Raise _SurelyBreaks once it is sure, by the loads of overloaded bonds at a residual,
+        which of them breaks next.
+        """
         if residual > self._asked:
             return
         self._asked = residual / 2
-        run = self.run
-        loads = run.damage.failing(run.force, alone=True).loads
-        first = run.body.share.greatest(loads.max(initial=1.0))
-        second = run.body.share.greatest(loads[loads < first - OVERLOAD].max(initial=1.0))
+        share = self.run.body.share
+        loads = overloads()
+        first = share.greatest(loads.max(initial=1.0))
+        second = share.greatest(loads[loads < first - OVERLOAD].max(initial=1.0))
         rough = residual > COARSE
         if first > 1 and (not rough or first - second > LEAD * residual):
             self._account.totals.unsure = max(0.0, first - OVERLOAD - 1) if rough else 0.0

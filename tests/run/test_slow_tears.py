@@ -18,7 +18,7 @@ from pdsurrogate.cli.simulation import print_result
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.problem.materials import checked_models
-from pdsurrogate.run import checkpoints, tearing
+from pdsurrogate.run import checkpoints, tear_window, tearing
 from pdsurrogate.run.damage import Damage
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
@@ -288,11 +288,11 @@ def test_a_jump_beyond_the_limit_is_told(monkeypatch, caplog):
     whole = {}
 
     def leaping(damage, force):
-        intact = np.isfinite(damage._limits)
-        start = whole.setdefault(damage, damage._limits.copy())
+        intact = np.isfinite(damage.limits)
+        start = whole.setdefault(damage, damage.limits.copy())
         top = force.positions[: len(damage.body), 1].max()
         fallen = top > 1.1 and not damage.broken.any()
-        damage._limits[intact] = start[intact] * (0.5 if fallen else 1.0)
+        damage.limits[intact] = start[intact] * (0.5 if fallen else 1.0)
         return load_of(damage, force)
 
     monkeypatch.setattr(Damage, "greatest_load", leaping)
@@ -375,7 +375,11 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_a_scene_that_does_not_tear_slowly_does_not_load_it(monkeypatch):
-    names = ["pdsurrogate.run.tearing", "pdsurrogate.run.tear_account"]
+    names = [
+        "pdsurrogate.run.tearing",
+        "pdsurrogate.run.tear_account",
+        "pdsurrogate.run.tear_window",
+    ]
     for name in names:
         monkeypatch.delitem(sys.modules, name, raising=False)
     pds.simulate(strip(spacing=0.25, precuts=[], fracture=None), "bond-energy")
@@ -410,14 +414,34 @@ def test_of_each_place_the_most_loaded_bonds_break_first():
     assert twin not in damage.foremost(pairs, loads, 0.001)
 
 
-@pytest.mark.parametrize("bonds", [0, 15], ids=["before", "in an avalanche"])
-def test_a_killed_slow_tear_resumes_to_the_same_bits(tmp_path, monkeypatch, bonds):
-    whole = pds.simulate(short(), "bond-energy", threads=1)
+def test_windows_break_the_same_bonds(monkeypatch):
+    """A crack along a row of a lattice takes them one by one; its surroundings follow later."""
+    scene = cantilever(spacing=1 / 12)
+    whole = pds.simulate(scene, "bond-energy", threads=1)
+    monkeypatch.setattr(tear_window, "MOST", 1.0)
+    part = pds.simulate(scene, "bond-energy", threads=1)
+    np.testing.assert_array_equal(part.field("damage"), whole.field("damage"))
+    assert part.summary["n_force_evaluations"] < whole.summary["n_force_evaluations"]
+    forces = [result.summary["crack"]["peak"]["force"] for result in (part, whole)]
+    assert forces[0] == pytest.approx(forces[1], rel=tearing.OVERLOAD)
+    assert abs(part.summary["quasi_static"]["greatest_energy_gap"]) < 0.2
+    works = [result.history[-1]["work"] for result in (part, whole)]
+    assert works[0] == pytest.approx(works[1], rel=tearing.OVERLOAD)
+
+
+@pytest.mark.parametrize(
+    ("scene", "bonds"),
+    [(short, 0), (short, 15), (cantilever, 15)],
+    ids=["before", "in an avalanche", "with windows"],
+)
+def test_a_killed_slow_tear_resumes_to_the_same_bits(tmp_path, monkeypatch, scene, bonds):
+    monkeypatch.setattr(tear_window, "MOST", 1.0)
+    whole = pds.simulate(scene(), "bond-energy", threads=1)
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
     with pytest.raises(Killed), while_bonds_break(bonds):
-        pds.simulate(short(), "bond-energy", threads=1, folder=tmp_path)
-    resumed = pds.simulate(short(), "bond-energy", threads=1, folder=tmp_path, resume=True)
+        pds.simulate(scene(), "bond-energy", threads=1, folder=tmp_path)
+    resumed = pds.simulate(scene(), "bond-energy", threads=1, folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.levels == whole.levels
     for key in ("crack", "quasi_static", "n_force_evaluations"):
