@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 
@@ -186,7 +187,6 @@ BAD = [
     ("call", "kind", "message"), BAD, ids=[re.sub(r"\W+", "-", message)[:50] for *_, message in BAD]
 )
 def test_bad_arguments_are_told_before_work_starts(call, kind, message, tmp_path):
-    with pytest.raises(kind, match=message) as told:
+    with raising(message, kind):
         call(tmp_path)
-    assert "\n" not in str(told.value)
     assert list(tmp_path.iterdir()) == []

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-import pytest
+from refusals import raising
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
@@ -25,7 +25,7 @@ def test_own_artifacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeyp
     assert own_folder().resolve() != shipped
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path / "elsewhere"))
     assert own_folder() == tmp_path / "elsewhere"
-    with pytest.raises(ArtifactError, match="which is not a folder"):
+    with raising("which is not a folder", ArtifactError):
         pds.load_surrogate("neo-hookean")
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from conftest import PUBLIC_NAMES
+from refusals import raising
 
 import pdsurrogate as pds
 
@@ -19,7 +20,7 @@ SCRIPTS = Path(__file__).parent / "typing"
 
 
 def test_a_name_of_a_room_says_where_it_is():
-    with pytest.raises(AttributeError, match=r"it is pdsurrogate\.shapes\.Rectangle"):
+    with raising(r"it is pdsurrogate\.shapes\.Rectangle", AttributeError):
         getattr(pds, "Rectangle")  # noqa: B009
 
 

@@ -9,6 +9,7 @@ import warnings
 import pytest
 from commands import invoke
 from polynomials import polynomial
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError
@@ -57,9 +58,7 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     assert result.summary["force"] == both
     result.save("out")
     assert json.loads((here / "out" / "summary.json").read_text())["force"] == both
-    with pytest.raises(
-        SceneError, match=r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30"
-    ):
+    with raising(r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30", SceneError):
         pds.simulate(
             pds.load_scene(
                 "uniaxial",
@@ -70,7 +69,7 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
             "copy",
         )
     (here / "artifacts" / "copy" / "1" / "surrogate.npz").write_bytes(b"x")
-    with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\): surrogate\.npz"):
+    with raising(r"copy@1 \(mine@1 by its card\): surrogate\.npz", ArtifactError):
         pds.load_surrogate("copy")
     listed = json.loads(invoke("artifacts --json").stdout)
     assert [row["called"] for row in listed if row["name"] in ("copy", "mine")] == [both, "mine@1"]

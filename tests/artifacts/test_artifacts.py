@@ -17,6 +17,7 @@ from conftest import SHIPPED, sealed
 from hypothesis import given
 from hypothesis import strategies as st
 from polynomials import polynomial
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.array_files import DamagedFile, read_arrays
@@ -93,7 +94,7 @@ def test_card_says_what_one_needs_to_know(stored):
 def test_versions_never_change(stored, fitted):
     model, samples = fitted
     before = {path.name: path.read_bytes() for path in stored.iterdir()}
-    with pytest.raises(ArtifactError, match="already exists"):
+    with raising("already exists", ArtifactError):
         pds.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
     assert {path.name: path.read_bytes() for path in stored.iterdir()} == before
     assert sorted(path.name for path in stored.parent.iterdir()) == [
@@ -114,7 +115,7 @@ def test_versions_never_change(stored, fitted):
 )
 def test_names_and_versions_that_are_not_allowed(fitted, tmp_path, name, version):
     model, samples = fitted
-    with pytest.raises(ArtifactError, match="not allowed"):
+    with raising("not allowed", ArtifactError):
         pds.store(model, samples, LAW, tmp_path, name, version, "x")
     assert list(tmp_path.iterdir()) == []
 
@@ -132,9 +133,9 @@ def test_finding(stored, fitted, monkeypatch):
         "rubber@1.2",
         "rubber@1.10",
     ]
-    with pytest.raises(ArtifactError, match=r"unknown force 'robber'; did you mean rubber"):
+    with raising(r"unknown force 'robber'; did you mean rubber", ArtifactError):
         find_artifact("robber")
-    with pytest.raises(ArtifactError, match="unknown force 'rubber@7'"):
+    with raising("unknown force 'rubber@7'", ArtifactError):
         find_artifact("rubber@7")
 
 
@@ -154,7 +155,7 @@ def test_a_folder_of_results_is_no_artifact(working_folder):
     assert surrogate_for(LAW).name == "neo-hookean@2"
     assert load_surrogate("neo-hookean").name == "neo-hookean@2"
     for path in ("./neo-hookean", "neo-hookean/", working_folder / "neo-hookean"):
-        with pytest.raises(ArtifactError, match="not the folder of an artifact"):
+        with raising("not the folder of an artifact", ArtifactError):
             load_surrogate(path)
 
 
@@ -163,9 +164,7 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     pds.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
-    with pytest.raises(
-        ArtifactError, match=r"artifacts/neo-hookean/2.* the folder neo-hookean contains"
-    ):
+    with raising(r"artifacts/neo-hookean/2.* the folder neo-hookean contains", ArtifactError):
         load_surrogate("neo-hookean")
     assert load_surrogate("./neo-hookean").name == "neo-hookean (mine@1 by its card)"
     assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
@@ -187,9 +186,9 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
         lambda: load_surrogate("neo-hookean"),
         lambda: pds.simulate("uniaxial"),
     ):
-        with pytest.raises(
+        with raising(
+            r"neo-hookean/3/card.json: cannot be read|not valid JSON|surrogate\.npz: ",
             ArtifactError,
-            match=r"neo-hookean/3/card.json: cannot be read|not valid JSON|surrogate\.npz: ",
         ):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
@@ -197,18 +196,14 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
 
 def test_a_missing_folder_of_artifacts_is_named(working_folder, monkeypatch):
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", "nowhere")
-    with pytest.raises(
-        ArtifactError, match="PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder"
-    ):
+    with raising("PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder", ArtifactError):
         surrogate_for(LAW)
 
 
 def test_materials_that_an_artifact_does_not_describe_are_told_apart_in_full_digits():
-    with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
+    with raising(r"with chain_limit = 120\.0, not 120\.00001; fit"):
         load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
-    with pytest.raises(
-        ValueError, match=r"ogden with parameters .*exponent_1.*modulus_3.*, not .*modulus_1.*; use"
-    ):
+    with raising(r"ogden with parameters .*exponent_1.*modulus_3.*, not .*modulus_1.*; use"):
         load_surrogate("ogden").check_material(pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
@@ -253,7 +248,7 @@ def test_malicious_payload_with_a_matching_digest_does_not_run(stored, tmp_path,
             },
         )
     rewrite(stored, file.getvalue())
-    with pytest.raises(ArtifactError, match="file of plain arrays"):
+    with raising("file of plain arrays", ArtifactError):
         load_surrogate(stored)
     assert not trap.exists()
     # The same file does run where one trusts it: the trap is a real one.
@@ -268,7 +263,7 @@ def test_a_compressed_payload_is_refused(stored):
     file = io.BytesIO()
     np.savez_compressed(file, **payload_in(stored))
     rewrite(stored, file.getvalue())
-    with pytest.raises(ArtifactError, match="compressed"):
+    with raising("compressed", ArtifactError):
         load_surrogate(stored)
 
 
@@ -304,22 +299,22 @@ def test_any_bytes_are_refused_or_arrays(data):
 def test_damaged_cards(stored, damage, message):
     card = stored / "card.json"
     card.write_text(damage(card.read_text()))
-    with pytest.raises(ArtifactError, match=message):
+    with raising(message, ArtifactError):
         load_surrogate(stored)
 
 
 def test_card_that_is_not_text(stored):
     (stored / "card.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ArtifactError, match="not valid JSON"):
+    with raising("not valid JSON", ArtifactError):
         load_card(stored)
 
 
 def test_pipeline_needs_trust_and_its_digest(stored, tmp_path):
-    with pytest.raises(ArtifactError, match="trust=True"):
+    with raising("trust=True", ArtifactError):
         load_pipeline(stored)
     trap = tmp_path / "trap"
     (stored / "pipeline.joblib").write_bytes(pickle.dumps(Malice(trap)))
-    with pytest.raises(ArtifactError, match="SHA-256 differs"):
+    with raising("SHA-256 differs", ArtifactError):
         load_pipeline(stored, trust=True)
     assert not trap.exists()
 
@@ -353,7 +348,7 @@ def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(module.np, "savez", full)
-    with pytest.raises(OSError, match="No space left"):
+    with raising("No space left", OSError):
         pds.store(model, samples, LAW, tmp_path, "rubber", "1", "x")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
     assert list(tmp_path.iterdir()) == []
@@ -368,7 +363,7 @@ def test_what_cannot_be_read_again_is_not_kept(stored):
         force, layers=(*force.layers[:-1], *[(np.eye(8), np.zeros(8))] * 3, force.layers[-1])
     )
     before = sorted(stored.parents[1].rglob("*"))
-    with pytest.raises(ArtifactError, match="one to 3 hidden layers"):
+    with raising("one to 3 hidden layers", ArtifactError):
         save_artifact(stored.parents[1], {**card, "version": "2"}, deep)
     assert sorted(stored.parents[1].rglob("*")) == before
 
@@ -399,21 +394,17 @@ def test_an_artifact_binds_no_law_that_has_changed_since(tmp_path):
     model = polynomial(samples, (8, 4))
     path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
-    with pytest.raises(ValueError, match=r"expo@1 differs .*: the law has changed since"):
+    with raising(r"expo@1 differs .*: the law has changed since"):
         load_surrogate(path).check_material(law_with(0.5))
     unsaved = dataclasses.replace(load_surrogate(path), stated=None)
     unsaved.check_material(law)
-    with pytest.raises(
-        ValueError, match="of the greatest force, more than 5 %: the law has changed since"
-    ):
+    with raising("of the greatest force, more than 5 %: the law has changed since"):
         unsaved.check_material(law_with(0.5))
     with pytest.warns(UserWarning, match=r"expo@1 deviates from expo by [1-5]"):
         unsaved.check_material(law_with(0.062))
     with pytest.warns(UserWarning, match=r"expo@3 has an RMS error of .* % relative to expo,"):
         pds.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
-    with pytest.raises(
-        ValueError, match=r"expo@2 has an RMS error of .* more than 10 %; it is not written: fit it"
-    ):
+    with raising(r"expo@2 has an RMS error of .* more than 10 %; it is not written: fit it"):
         pds.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
     assert not (tmp_path / "expo" / "2").exists()
 
@@ -434,9 +425,9 @@ def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
 
 def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path):
     model, samples = fitted
-    with pytest.raises(
-        ArtifactError, match="'analytic' is not allowed: it is the name of an exact force model"
+    with raising(
+        "'analytic' is not allowed: it is the name of an exact force model", ArtifactError
     ):
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
-    with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
+    with raising("version 1 is not allowed: it must be text", ArtifactError):
         pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")

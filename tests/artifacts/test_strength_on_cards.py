@@ -1,6 +1,7 @@
 """Strength and tearing energy on a card replace "artifact" in a scene, in its units."""
 
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
@@ -90,7 +91,7 @@ def test_what_a_card_does_not_have_is_said(store):
         ("torn2", TESTS, None, "fracture.energy: units.length must be one of um, mm"),
         ("none", None, "mm", "fracture.energy: the card has no tear tests"),
     ):
-        with pytest.raises(SceneError, match=message):
+        with raising(message, SceneError):
             with_material(sheet(FRACTURE, length), store(name, tests))
 
 
@@ -112,11 +113,11 @@ def test_an_exact_force_takes_law_and_means_of_an_artifact(store):
         assert found.fracture.strength.uniaxial == pytest.approx(2000.0)
         assert found.materials[0].material.build() == LAW.scaled(1000.0)
         assert found.materials[0].fracture.strength.equibiaxial == pytest.approx(1400.0)
-    with pytest.raises(SceneError, match=r"material: it is that of the artifact .*, which only"):
+    with raising(r"material: it is that of the artifact .*, which only", SceneError):
         scene.law()
     assert "material of" in repr(scene)
-    with pytest.raises(SceneError, match="of the artifact: leave shear_modulus out"):
+    with raising("of the artifact: leave shear_modulus out", SceneError):
         pds.Scene.model_validate(data | {"material": artifact | {"shear_modulus": 2.0}})
     bare = pds.Scene.model_validate(data | {"material": {"artifact": str(store("bare", None))}})
-    with pytest.raises(SceneError, match=r"fracture\.energy: the card has no tear"):
+    with raising(r"fracture\.energy: the card has no tear", SceneError):
         with_material(bare, "bond-energy")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from commands import commanded
 from described import SCENES
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.material import in_words, material_on
@@ -94,7 +95,7 @@ def test_softening_comes_back_from_the_forces_of_a_cycle():
 )
 def test_what_cannot_be_fitted_is_refused_with_the_reason(changes, law, words):
     rows = [[step, 0, 0.0, 0.0] for step in (1, 2, 3)]
-    with pytest.raises(ValueError, match=words):
+    with raising(words):
         fitted(scene_of(**changes), rows, [0.5, 0.4, 0.3], law)
 
 

@@ -14,6 +14,7 @@ import warnings
 import pytest
 import typer
 from commands import commanded, invoke
+from refusals import raising
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -299,7 +300,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
     with thread_count(1, limit=True):
         assert (most_threads(), threads_for(10**9)) == (1, 1)
         with (
-            pytest.raises(ValueError, match="threads must be between 1 and 1"),
+            raising("threads must be between 1 and 1"),
             thread_count(2, limit=True),
         ):
             pass

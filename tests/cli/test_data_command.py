@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import commanded, invoke
 from PIL import Image
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import IdentificationEntries
@@ -261,9 +262,9 @@ def test_a_machines_forces_are_those_of_the_steps(tmp_path):
         (rows, {}, None, "state it, as --thickness 2mm"),
         (rows, {"thickness": "2 mm"}, "1,2,3", "there is no column of time"),
     ):
-        with pytest.raises(ValueError, match=message):
+        with raising(message):
             measurements(scene, None, path, stated, times, *of_camera)
-    with pytest.raises(ValueError, match="--thickness is for --forces with the table of a machine"):
+    with raising("--thickness is for --forces with the table of a machine"):
         measurements(scene, tmp_path / "F.csv", None, {"thickness": "2 mm"}, None, *of_camera)
 
 

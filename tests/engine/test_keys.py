@@ -12,6 +12,7 @@ import numba
 import numpy as np
 import pytest
 from numba.extending import overload
+from refusals import raising
 
 from pdsurrogate.engine import compile as compile_module
 from pdsurrogate.engine.keys import NotKeyable, code_digest
@@ -298,7 +299,7 @@ def test_what_numba_compiles_in_the_place_of_a_function_counts():
 
 
 def test_what_cannot_be_keyed_is_named():
-    with pytest.raises(NotKeyable, match="f uses thing: an object of type object"):
+    with raising("f uses thing: an object of type object", NotKeyable):
         code_digest(_made("def f():\n    return thing", thing=object()))
 
 

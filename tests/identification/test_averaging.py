@@ -4,6 +4,7 @@ leave open is in the spread.
 
 import numpy as np
 import pytest
+from refusals import raising
 
 from pdsurrogate.identification import MODES
 from pdsurrogate.identification.averaging import average, columns_of, isochoric
@@ -106,11 +107,7 @@ def test_energies_with_unstable_waves_are_left_out():
 def test_every_set_has_stiffness_at_rest():
     """Stresses that fall below zero are fitted by none."""
     J = np.vstack([stresses("uniaxial"), stresses("pure-shear")])
-    with pytest.raises(
-        ValueError,
-        match=(
-            "no sum of the terms with positive coefficients and stable waves describes the"
-            " measurements"
-        ),
+    with raising(
+        "no sum of the terms with positive coefficients and stable waves describes the measurements"
     ):
         average(TERMS, J, -J @ LAWS["Carroll"], known, MARGIN)

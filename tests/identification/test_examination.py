@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import commanded, invoke
+from refusals import raising
 from sklearn.exceptions import NotFittedError
 
 import pdsurrogate as pds
@@ -153,9 +154,7 @@ def test_shipped_data_are_let_alone():
 
 def test_fits_are_refused_unless_forced(good):
     wrong = changed(good, 4, -0.5)
-    with pytest.raises(
-        ValueError, match=r"row 5 \(uniaxial, stretch 2.18571, nominal stress -0.5\)"
-    ):
+    with raising(r"row 5 \(uniaxial, stretch 2.18571, nominal stress -0.5\)"):
         pds.fit_to_tests(pds.identification.LawRegressor("gent"), wrong)
     with pytest.warns(TestDataWarning, match="row 5"):
         pds.fit_to_tests(pds.identification.LawRegressor("gent"), wrong, force=True)
@@ -174,7 +173,7 @@ def test_a_regressor_whose_fit_is_refused_or_fails_is_not_fitted(good, regressor
 
     def left_by(attempt, message):
         regressor.fit(good.stretches, good.nominal_stress)
-        with pytest.raises(ValueError, match=message):
+        with raising(message):
             attempt()
         assert not [key for key in vars(regressor) if key.endswith("_") and key != "n_features_in_"]
         with pytest.raises(NotFittedError):

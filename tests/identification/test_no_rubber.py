@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import commanded
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, nominal_stress
@@ -145,13 +146,10 @@ def foam(stretch, lateral):
 def test_a_foam_is_named_where_its_lateral_stretches_are_known():
     stretch = np.linspace(0.4, 0.95, 12)
     regressor = pds.identification.LawRegressor("mooney-rivlin")
-    with pytest.raises(
-        ValueError,
-        match=(
-            r"row 1 \(biaxial, stretches 0.4 and 1.02, .*: the stretches along and across a"
-            r" uniaxial load change the volume by -58 %: "
-            "the material is compressible, such as a foam, and these are laws of rubber"
-        ),
+    with raising(
+        r"row 1 \(biaxial, stretches 0.4 and 1.02, .*: the stretches along and across a"
+        r" uniaxial load change the volume by -58 %: "
+        "the material is compressible, such as a foam, and these are laws of rubber"
     ):
         pds.fit_to_tests(regressor, foam(stretch, np.full(12, 1.02)))
     rubber = foam(stretch, stretch**-0.5 * 1.01)
@@ -184,7 +182,7 @@ def test_a_foam_is_named_where_its_file_has_lateral_stretches(tmp_path, column, 
     path = tmp_path / "foam.csv"
     path.write_text("\n".join([f"stretch,{column},nominal_stress", *lines]) + "\n")
     data = pds.load_test_data(path, mode="uniaxial")
-    with pytest.raises(ValueError, match="change the volume by 74 %: the material is compressible"):
+    with raising("change the volume by 74 %: the material is compressible"):
         pds.fit_to_tests(pds.identification.LawRegressor("mooney-rivlin"), data)
 
 

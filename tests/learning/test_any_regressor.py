@@ -5,6 +5,7 @@ how much it is off.
 import numpy as np
 import pytest
 from conftest import needs_torch
+from refusals import raising
 from sklearn import config_context
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
@@ -200,12 +201,9 @@ def test_a_network_of_another_precision_is_told_in_a_line(samples, double):
     if double:
         assert model.fit(samples.X, samples.y).predict(samples.X).shape == samples.y.shape
         return
-    with pytest.raises(
-        ValueError, match=r"^the regressor takes numbers of another precision .* module.double\(\)"
-    ) as told:
+    with raising(r"^the regressor takes numbers of another precision .* module.double\(\)") as told:
         model.fit(samples.X, samples.y)
     assert told.value.__suppress_context__
-    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
@@ -282,7 +280,7 @@ def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path)
     model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(
         samples.X, samples.y
     )
-    with pytest.raises(ValueError, match=r"the stretches .*: fit it within a surrogate_pipeline"):
+    with raising(r"the stretches .*: fit it within a surrogate_pipeline"):
         pds.simulate("uniaxial", model)
     card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
     assert card.training["resampling"]["rms"] < 0.1
@@ -304,7 +302,7 @@ def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
         search.best_estimator_, LAW, (0.6, 2.5), 500
     )
     search.refit = False
-    with pytest.raises(ValueError, match="has no fitted model: set refit=True"):
+    with raising("has no fitted model: set refit=True"):
         pds.evaluate(
             GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(
                 samples.X, samples.y
@@ -327,7 +325,7 @@ def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
     assert report["stretch_range"] == [0.6, 2.5]
     assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
     assert "energy_rms" in pds.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
-    with pytest.raises(TypeError, match="nosb has no bond force or energy of its own"):
+    with raising("nosb has no bond force or energy of its own", TypeError):
         pds.evaluate("nosb", LAW)
 
 
@@ -344,13 +342,13 @@ def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
     ],
 )
 def test_what_cannot_work_says_so_before_the_training(regressor, message):
-    with pytest.raises(ValueError, match=message):
+    with raising(message):
         pds.surrogate_pipeline(regressor, features="isochoric")
 
 
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     for columns in (3, 4):
-        with pytest.raises(ValueError, match=f"was fitted to {columns} features; fit it to "):
+        with raising(f"was fitted to {columns} features; fit it to "):
             pds.store(
                 LinearRegression().fit(samples.X[:, :columns], samples.y),
                 samples,
@@ -360,16 +358,14 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
                 "1",
                 "x",
             )
-    with pytest.raises(ValueError, match="not fitted"):
+    with raising("not fitted"):
         surrogate_of(pds.surrogate_pipeline(), LAW, samples)
 
     class Holed:
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
-    with pytest.raises(
-        ValueError, match=r"Holed: bond_force returned t_n = nan, t_tau = nan, .* at stretch = "
-    ):
+    with raising(r"Holed: bond_force returned t_n = nan, t_tau = nan, .* at stretch = "):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 
@@ -393,7 +389,7 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
     for model in (plain.fit(X, y), framed.fit(X, y)):
         assert model.feature_names_in_.tolist() == list(COLUMNS)
         np.testing.assert_allclose(model.predict(X), right, rtol=1e-12, atol=1e-12)
-        with pytest.raises(ValueError, match=r"X .* columns stretch, .*, J, .* not stretch, .*, j"):
+        with raising(r"X .* columns stretch, .*, J, .* not stretch, .*, j"):
             model.predict(X.rename(columns={"J": "j"}))
     assert framed.regressor_[:-1].transform(X).columns.tolist() == names
     assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
@@ -417,17 +413,11 @@ def test_columns_of_frames_are_told_by_their_names(samples):
     right = clone(model).fit(X, y)
     for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
         np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
-    with pytest.raises(
-        ValueError, match=r"X must have the columns stretch, .*, in any order, not .*detF"
-    ):
+    with raising(r"X must have the columns stretch, .*, in any order, not .*detF"):
         clone(model).fit(other, y)
-    with pytest.raises(
-        ValueError, match=r"X must have the columns stretch, .*, in any order, not .*more"
-    ):
+    with raising(r"X must have the columns stretch, .*, in any order, not .*more"):
         right.predict(X.assign(more=1.0))
-    with pytest.raises(
-        ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"
-    ):
+    with raising("y must have the columns t_n, t_tau, in any order, not t_n, force"):
         clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
     energies = pds.training_samples(LAW, 100, (0.7, 2.0), target="isochoric-energy")
     frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
@@ -445,7 +435,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     np.testing.assert_allclose(
         force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12
     )
-    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; fit it to .* stretch"):
+    with raising(r"was fitted to the columns .*detF; fit it to .* stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 
@@ -466,5 +456,5 @@ def test_plain_payloads_that_are_no_spline(samples, change, message):
         SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients,
         model.coefficients,
     )
-    with pytest.raises(ValueError, match=message):
+    with raising(message):
         SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})

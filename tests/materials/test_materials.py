@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import raising
 
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous, plane_stress
 
@@ -73,11 +74,11 @@ def test_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
 
 def test_states_without_a_solution_are_refused():
     law = NeoHookean()
-    with pytest.raises(ValueError, match="det F must be positive"):
+    with raising("det F must be positive"):
         plane_stress.volume_ratio(law, 2.0, -0.1)
-    with pytest.raises(ValueError, match="stretch must be positive"):
+    with raising("stretch must be positive"):
         homogeneous.biaxial(law, -1.0, 1.0)
-    with pytest.raises(ValueError, match=r"plane must be stress or strain .*, not space"):
+    with raising(r"plane must be stress or strain .*, not space"):
         homogeneous.biaxial(law, 1.5, 1.0, "space")
 
 

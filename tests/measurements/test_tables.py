@@ -1,12 +1,14 @@
 """Files of testing machines as tables."""
 
 import itertools
+import re
 import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import raising
 
 from pdsurrogate.measurements import read_tables
 from pdsurrogate.measurements.quantities import factor, heading_and_unit, quantities_of
@@ -235,7 +237,7 @@ def test_units_are_converted(unit, to, expected):
 
 @pytest.mark.parametrize(("unit", "to"), [("N", "Pa"), ("furlong per", "m"), ("P/MPa", "s")])
 def test_units_of_another_kind_are_refused(unit, to):
-    with pytest.raises(ValueError, match=f"{unit} is no unit like {to}; known are N, kN"):
+    with raising(f"{unit} is no unit like {to}; known are N, kN"):
         factor(unit, to)
 
 
@@ -269,21 +271,19 @@ def test_what_is_no_table_is_refused_in_one_line_that_says_what_it_is(name, tmp_
     data, message = REFUSED[name]
     path = tmp_path / "file.csv"
     path.write_bytes(data)
-    with pytest.raises(ValueError, match=message) as caught:
+    with raising(f"^{re.escape(str(path))}.*{message}"):
         read_tables(path)
-    assert str(caught.value).startswith(str(path))
-    assert "\n" not in str(caught.value)
 
 
 def test_files_that_are_not_there_or_too_large_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"cannot read .*: No such file"):
+    with raising(r"cannot read .*: No such file"):
         read_tables(tmp_path / "none.csv")
-    with pytest.raises(ValueError, match=r"cannot read .*: Is a directory"):
+    with raising(r"cannot read .*: Is a directory"):
         read_tables(tmp_path)
     path = tmp_path / "large.csv"
     with path.open("wb") as file:
         file.truncate(2_000_000_000)  # sparse
-    with pytest.raises(ValueError, match=r"a file of 2.0 GB is no table"):
+    with raising(r"a file of 2.0 GB is no table"):
         read_tables(path)
 
 
@@ -318,7 +318,7 @@ def test_columns_and_units_of_the_user_are_honored():
     ],
 )
 def test_columns_and_units_that_the_file_does_not_have_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
+    with raising(message):
         read_tables(MACHINES / "decimal-comma.txt", **options)
 
 
@@ -402,14 +402,14 @@ def test_letters_are_headings_rather_than_units(tmp_path):
 
 def test_a_workbook_without_calamine_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "python_calamine", None)
-    with pytest.raises(ValueError, match=r"pip install pdsurrogate\[xlsx\]"):
+    with raising(r"pip install pdsurrogate\[xlsx\]"):
         read_tables(MACHINES / "workbook.xlsx")
 
 
 def test_points_between_thousands_beside_numbers_without_decimals_are_refused(tmp_path):
     path = tmp_path / "test.csv"
     path.write_text("Extension (mm);Load (mN)\n0;0\n1;542\n2;946\n3;1.310\n4;1.720\n")
-    with pytest.raises(ValueError, match=r"1\.310 can be 1\.310 or 1310"):
+    with raising(r"1\.310 can be 1\.310 or 1310"):
         read_tables(path)
 
 
@@ -462,7 +462,7 @@ def test_sizes_settle_the_decimal_sign_where_no_column_does(form, tmp_path):
     if "4,0" in form:
         assert read_tables(path).blocks[0].facts["thickness"] == "2.068 mm"
         return
-    with pytest.raises(ValueError, match=r"2,068 can be 2\.068 or 2068"):
+    with raising(r"2,068 can be 2\.068 or 2068"):
         read_tables(path)
 
 
@@ -470,7 +470,7 @@ def test_sizes_with_another_decimal_sign_than_their_table_are_not_taken_for_thou
     path = tmp_path / "test.csv"
     table = "\n\nWeg (mm);Kraft (N)\n0.0;0\n0.38;1\n0.75;2\n"
     path.write_text(f"Breite;4,05;mm\nDicke;2,068;mm{table}")
-    with pytest.raises(ValueError, match="2,068 can be two numbers: use one decimal sign"):
+    with raising("2,068 can be two numbers: use one decimal sign"):
         read_tables(path)
 
 

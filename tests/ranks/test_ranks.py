@@ -17,6 +17,7 @@ import scipy
 from commands import words_of
 from every_model import LONGEST
 from force_models import TABLE
+from refusals import raising
 from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
 
 import pdsurrogate as pds
@@ -119,9 +120,7 @@ def test_worlds_of_one_rank_each_are_told_in_one_line():
 def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
-    with pytest.raises(
-        NotUnderMPI, match=r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'
-    ):
+    with raising(r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py', NotUnderMPI):
         communicator()
 
 

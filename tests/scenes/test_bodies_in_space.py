@@ -8,7 +8,7 @@ import pytest
 from described import SCENES
 from meshes import CUBE as UNIT_CUBE
 from meshes import TETRAHEDRA, write_deck
-from refusals import refused
+from refusals import raising, refused, saying
 from scipy.spatial import cKDTree
 
 from pdsurrogate.discretization import discretize, grip_areas, surface_of
@@ -56,10 +56,8 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
 
 @refused("bodies in space")
 def test_what_makes_no_sense_is_told_in_one_line(changes, message):
-    with pytest.raises(SceneError) as told:
+    with saying(message, SceneError, begins=True):
         scene_of(**changes)
-    assert str(told.value).startswith(message)
-    assert "\n" not in str(told.value)
 
 
 PI = np.pi
@@ -216,9 +214,7 @@ def test_grips_have_the_area_of_the_face_that_they_hold():
         )
     scene = scene_of({"shape": "sphere", "radius": 0.5}, support="points")
     _, lower, upper = discretize(scene)
-    with pytest.raises(
-        SceneError, match="no straight edge with material at its back end that could be held"
-    ):
+    with raising("no straight edge with material at its back end that could be held", SceneError):
         grip_areas(scene, lower, upper)
 
 
@@ -266,7 +262,7 @@ def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
 
 
 def test_precuts_that_cut_nothing_are_refused():
-    with pytest.raises(SceneError, match=r"precuts\.0: the precut crosses no bond"):
+    with raising(r"precuts\.0: the precut crosses no bond", SceneError):
         discretize(scene_of(CUBE, precuts=[{**CUTS["disc"], "center": [0, 0, 2.0]}]))
 
 
@@ -348,9 +344,7 @@ def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():
     scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "center": [0.5, 0.0, 0.0]}])
     body, lower, upper = discretize(scene)
     assert body.volumes.sum() == pytest.approx(1 - PI * 0.032 / 6, rel=1e-3)
-    with pytest.raises(
-        ValueError, match=r"^holes\.0: .*; with loads or probes, a hole must lie inside the body,"
-    ):
+    with raising(r"^holes\.0: .*; with loads or probes, a hole must lie inside the body,"):
         surface_of(scene, body, lower, upper)
 
 
@@ -394,23 +388,17 @@ def test_regions():
     )
     assert regions.edge("front") == "front"
     assert len(regions.points(Region(near=[0.01, 0.21, 0.33]))) == 1
-    with pytest.raises(
-        ValueError, match=r"^region: .*; the nearest is point \d+ at \(.*, 0\.55\), 0\.35 away$"
-    ):
+    with raising(r"^region: .*; the nearest is point \d+ at \(.*, 0\.55\), 0\.35 away$"):
         regions.points(Region(box=[[-1, -1, 0.9], [1, 1, 1]]))
     assert len(regions.facets("outline")) == np.count_nonzero(surface.parts != "holes.0")
-    with pytest.raises(
-        ValueError, match=r"^probes\.0\.at: \(0\.3, 0\.5, 0\.3\) .* its nearest point is"
-    ):
+    with raising(r"^probes\.0\.at: \(0\.3, 0\.5, 0\.3\) .* its nearest point is"):
         regions.check_place("probes.0.at", (0.3, 0.5, 0.3))
     regions.check_place("probes.0.at", (0.8, 0.9, 0.6))
 
 
 def test_faces_that_are_not_flat_are_told():
     regions = regions_of(free_body("sphere")[0])
-    with pytest.raises(
-        ValueError, match=r"^left: .*; no flat part of the body is on its left face$"
-    ):
+    with raising(r"^left: .*; no flat part of the body is on its left face$"):
         regions.facets("left")
 
 
@@ -486,7 +474,7 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
     scene = scene_of(
         {"shape": "mesh", "dimension": 3, "file": str(tmp_path / "two.vtu")}, 1.0, support="points"
     )
-    with pytest.raises(ValueError, match=r"^body\.file: faces of tetrahedra "):
+    with raising(r"^body\.file: faces of tetrahedra "):
         surface_of(scene, *discretize(scene))
 
 
@@ -501,6 +489,5 @@ def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):
     )
     body = {"shape": "mesh", "dimension": dimension, "file": str(path)}
     grips = ({"edge": "left", "travel": 1.0}, {"edge": "right"})
-    with pytest.raises(SceneError) as told:
+    with saying(message, SceneError):
         discretize(scene_of(body, 1.0, **{"grips": grips, "stretches": 1.5}))
-    assert message in str(told.value)

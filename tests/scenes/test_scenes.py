@@ -7,7 +7,7 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import refused
+from refusals import raising, refused, saying
 
 import pdsurrogate as pds
 from pdsurrogate.cli import simulation as run_tables
@@ -74,10 +74,8 @@ def test_parsing_of_changes(change, key, value):
 
 @refused("changes")
 def test_bad_changes_name_the_key(changes, message):
-    with pytest.raises(SceneError) as caught:
+    with saying(message, SceneError) as caught:
         load_scene("uniaxial", changes)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
 
 
@@ -102,9 +100,8 @@ def test_one_mistake_is_one_problem(changes, message):
     """A wrong entry of a list was followed by "Tuple should have at least 2 items after
     validation, not 1", which is not so.
     """
-    with pytest.raises(SceneError) as caught:
+    with saying(message, SceneError) as caught:
         load_scene("uniaxial", changes)
-    assert message in str(caught.value)
     assert ";" not in str(caught.value)
 
 
@@ -242,27 +239,24 @@ def test_scene_files(tmp_path, encoding):
 def test_bad_scene_files(tmp_path, old, new, message):
     path = tmp_path / "mine.toml"
     path.write_text(GOOD.replace(old, new, 1))
-    with pytest.raises(SceneError) as caught:
+    with saying(message, SceneError) as caught:
         load_scene(path)
-    assert message in str(caught.value)
     assert str(path) in str(caught.value)
 
 
 def test_scenes_that_are_not_there(tmp_path):
-    with pytest.raises(SceneError, match=r"unknown scene 'uniaxal'; did you mean uniaxial"):
+    with raising(r"unknown scene 'uniaxal'; did you mean uniaxial", SceneError):
         load_scene("uniaxal")
-    with pytest.raises(
-        SceneError, match="unknown scene ''"
-    ):  # "cannot read scene file .: Is a directory"
+    with raising("unknown scene ''", SceneError):  # "cannot read scene file .: Is a directory"
         load_scene("")
     if os.path.exists("/dev/zero"):
-        with pytest.raises(SceneError, match="the file has more than 16 MiB, so it is not a scene"):
+        with raising("the file has more than 16 MiB, so it is not a scene", SceneError):
             load_scene("/dev/zero")  # which was read until memory was full
-    with pytest.raises(SceneError, match="cannot read scene file"):
+    with raising("cannot read scene file", SceneError):
         load_scene(tmp_path / "none.toml")
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\x00\xfe")
-    with pytest.raises(SceneError, match="not UTF-8"):
+    with raising("not UTF-8", SceneError):
         load_scene(binary)
 
 
@@ -276,13 +270,13 @@ def test_any_text_is_a_scene_or_an_error(tmp_path_factory, text):
 
 def test_a_step_of_too_many_increments_is_refused():
     """It asked for terabytes."""
-    with pytest.raises(SceneError, match=r"steps.0.largest_increment: .*100,000 increments"):
+    with raising(r"steps.0.largest_increment: .*100,000 increments", SceneError):
         load_scene("traction", {"steps": [{"to": 0.4, "largest_increment": 1e-12}]})
 
 
 def test_a_tear_in_dynamics_asks_for_a_step_with_dynamics():
     fracture = {"critical_stretch": 2.0, "process": "dynamics"}
-    with pytest.raises(SceneError, match="process: needs a step with dynamics, or process"):
+    with raising("process: needs a step with dynamics, or process", SceneError):
         load_scene("traction", {"fracture": fracture})
 
 
@@ -300,7 +294,7 @@ def test_blanks_around_an_amplitude_do_not_count():
 )
 def test_what_is_no_amplitude_is_refused(amplitude):
     """An integer beyond all floats ended in an error of NumPy."""
-    with pytest.raises(SceneError, match=r"loads\.0\.amplitude: .*an expression of t"):
+    with raising(r"loads\.0\.amplitude: .*an expression of t", SceneError):
         load_scene("traction", {"loads.0.amplitude": amplitude})
 
 
@@ -354,16 +348,12 @@ def test_a_material_may_be_left_to_the_force():
     stated = pds.simulate(pds.Scene.model_validate({**PLAIN, "material": card}), "gent")
     assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
     for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
-        with pytest.raises(
-            SceneError, match=r"scene plain: material: missing; add one, or choose an artifact"
-        ):
+        with raising(r"scene plain: material: missing; add one, or choose an artifact", SceneError):
             pds.simulate(scene, force)
 
 
 def test_a_slip_that_is_repeated_does_not_fill_the_screen():
     slip = [{"region": {"disk": i}, "material": "neo-hookean"} for i in range(1000)]
-    with pytest.raises(
-        SceneError, match=r"materials\.0\.region\.disk: .*and 990 problems more"
-    ) as caught:
+    with raising(r"materials\.0\.region\.disk: .*and 990 problems more", SceneError) as caught:
         load_scene("uniaxial", {"materials": slip})
     assert len(str(caught.value)) < 2500

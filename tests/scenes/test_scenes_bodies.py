@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bodies import build_body
 from meshes import CUBE, TETRAHEDRA
-from refusals import refused
+from refusals import raising, refused, saying
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
@@ -147,10 +147,8 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
 
 @refused("bodies and programs")
 def test_bodies_and_programs_that_make_no_sense(changes, message):
-    with pytest.raises(SceneError) as caught:
+    with saying(message, SceneError):
         build_body(scene_of(**changes))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def write_mesh(path, size=0.1):
@@ -247,7 +245,7 @@ def test_ends_without_a_straight_edge_are_refused(body):
     """
     scene = load_scene("uniaxial", {"spacing": 0.1, "body": body})
     _, lower, upper = discretize(scene)
-    with pytest.raises(SceneError, match="no straight edge with material at its left end"):
+    with raising("no straight edge with material at its left end", SceneError):
         grip_areas(scene, lower, upper)
 
 
@@ -258,7 +256,7 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [3, 0, 0], [2, 1, 0]]
 def test_meshes_that_make_no_body(tmp_path, corners, cells, message):
     path = tmp_path / "bad.vtu"
     meshio.write(path, meshio.Mesh(np.array(corners, float), list(map(tuple, cells))))
-    with pytest.raises(SceneError, match=message):
+    with raising(message, SceneError):
         build_body(scene_of(body={"shape": "mesh", "file": str(path)}, holes=[]))
 
 
@@ -421,7 +419,7 @@ def test_what_meshio_prints_is_in_the_message(tmp_path, capsys):
     "meshio cannot read bad.msh: 1".
     """
     (tmp_path / "bad.msh").write_text("not a mesh")
-    with pytest.raises(SceneError, match=r"bad\.msh: .*as either of ansys, gmsh"):
+    with raising(r"bad\.msh: .*as either of ansys, gmsh", SceneError):
         build_body(scene_of(body={"shape": "mesh", "file": str(tmp_path / "bad.msh")}, holes=[]))
     assert not any(capsys.readouterr())
 
@@ -540,9 +538,8 @@ def test_finite_element_references_belong_to_their_problem():
 def test_bodies_that_memory_does_not_hold_are_refused_before_they_are_made(
     scene, spacing, memory, told
 ):
-    with pytest.raises(pds.SceneError) as caught:
+    with saying(told, SceneError) as caught:
         check_size(pds.load_scene(scene, spacing=spacing), memory)
-    assert told in str(caught.value)
     least = float(str(caught.value).rsplit(" ", 1)[1])
     check_size(pds.load_scene(scene, spacing=1.1 * least), memory)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from commands import commanded
 from meshes import write_plate
-from refusals import refused
+from refusals import raising, refused, saying
 from scipy import stats
 
 import pdsurrogate as pds
@@ -96,17 +96,14 @@ def test_bad_input_is_told_before_anything_is_run(changes, without, message, tmp
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0]}, **changes}
     for key in without:
         del description[key]
-    with pytest.raises(pds.SceneError) as caught:
+    with saying(message, pds.SceneError):
         pds.study(description, tmp_path / "out")
-    assert message in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_grid_of_too_many_runs_is_refused(tmp_path):
     many = {name: list(range(400)) for name in "ab"}
-    with pytest.raises(
-        pds.SceneError, match="the grid has 160000 runs, more than the limit 100000"
-    ):
+    with raising("the grid has 160000 runs, more than the limit 100000", pds.SceneError):
         pds.study({**TINY, "parameters": many}, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -341,13 +338,13 @@ def test_seeds_are_repetitions_and_failed_runs_are_not_in_the_mean():
         ).means()
         == []
     )
-    with pytest.raises(SceneError, match=r"mean_over: 'body.seed' is not one of the parameters"):
+    with raising(r"mean_over: 'body.seed' is not one of the parameters", SceneError):
         pds.Study(scene="tear", parameters={"spacing": [0.1]}, mean_over=["body.seed"])
 
 
 def test_a_table_that_no_study_wrote_is_not_replaced(tmp_path):
     (tmp_path / "study.csv").write_text("mine")
-    with pytest.raises(FolderTaken, match="was not written by a study"):
+    with raising("was not written by a study", FolderTaken):
         pds.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path)
     assert (tmp_path / "study.csv").read_text() == "mine"
 
@@ -544,9 +541,8 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
 
 def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)  # as where it is not installed
-    with pytest.raises(
-        pds.SceneError,
-        match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$',
+    with raising(
+        r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$', pds.SceneError
     ):
         pds.study(
             {**TINY, "parameters": {"material.shear_modulus": [1.0]}},
@@ -559,7 +555,7 @@ def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
 @pytest.mark.slow  # waits for the answer
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
-    with pytest.raises(pds.SceneError, match="no Dask scheduler answers at tcp:"):
+    with raising("no Dask scheduler answers at tcp:", pds.SceneError):
         pds.study(
             {**TINY, "parameters": {"spacing": [0.5]}, "set": {}},
             tmp_path,
@@ -573,14 +569,14 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     before = (tmp_path / "study.csv").read_text()
     other = {**TINY, "parameters": {"material.shear_modulus": [1.0, 3.0]}}
     told = "1 runs that are not in this study; use another folder, or --overwrite"
-    with pytest.raises(FolderTaken, match=told):
+    with raising(told, FolderTaken):
         pds.study(other, tmp_path, jobs=1)
     assert (tmp_path / "study.csv").read_text() == before
     assert len(pds.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
     assert len(list(tmp_path.glob("runs/*"))) == 3
     for text in ("{}", "[1]", '{"runs": 3}', "no JSON"):
         (tmp_path / "study.json").write_text(text)
-        with pytest.raises(FolderTaken, match=told):
+        with raising(told, FolderTaken):
             pds.study(other, tmp_path, jobs=1)
 
 
