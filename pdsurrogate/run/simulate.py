@@ -433,11 +433,8 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
     # Imported here: only those who have a pipeline have scikit-learn loaded.
     from sklearn.base import BaseEstimator
 
-    if not isinstance(force, BaseEstimator):
-        raise TypeError(
-            "force must be a force model, its name or path, a surrogate_pipeline, or have"
-            f" bond_force or energy, not {force!r}"
-        )
+    wanted = "a force model, its name or path, a surrogate_pipeline, or have bond_force or energy"
+    check_kind(force, BaseEstimator, "force", wanted)
     from ..learning.export import best_of
     from ..learning.fitting import force_model_of, stated_against
 

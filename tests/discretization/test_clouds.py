@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 from described import SCENES
+from refusals import raising
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
@@ -147,13 +148,13 @@ def test_volumes_follow_a_disc_of_another_material():
     ],
 )
 def test_what_a_cloud_cannot_do_is_refused(scene, changes, words):
-    with pytest.raises(SceneError, match=words):
+    with raising(words, SceneError):
         load_scene(scene, changes)
 
 
 def test_shapes_within_an_extrusion_have_no_arrangement():
     outline = {"shape": "rectangle", "size": [1.0, 1.0], "arrangement": "relaxed"}
-    with pytest.raises(SceneError, match=r"body\.outline: only the body has an arrangement"):
+    with raising(r"body\.outline: only the body has an arrangement", SceneError):
         scene_of({"body": {"shape": "extrusion", "outline": outline, "thickness": 0.5}})
 
 

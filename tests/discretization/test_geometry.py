@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from described import SCENES
 from meshes import write_bar, write_triangles
-from refusals import refused
+from refusals import raising, refused
 from runs import started
 
 import pdsurrogate as pds
@@ -58,11 +58,9 @@ def test_a_mesh_has_its_own_spacing(tmp_path):
 
 
 def test_only_a_mesh_needs_no_spacing():
-    with pytest.raises(pds.SceneError, match="spacing: this key is missing"):
+    with raising("spacing: this key is missing", pds.SceneError):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)})
-    with pytest.raises(
-        pds.SceneError, match="spacing: must be a number, unless the body is a mesh"
-    ):
+    with raising("spacing: must be a number, unless the body is a mesh", pds.SceneError):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)}, spacing=None)
 
 
@@ -109,7 +107,7 @@ def test_groups_that_are_a_part_of_a_face_hold_their_points(bar):
 
 @refused("outlines")
 def test_outlines_that_cross_or_run_twice_are_refused(vertices, message):
-    with pytest.raises(pds.SceneError, match=message):
+    with raising(message, pds.SceneError):
         pds.shapes.Polygon(vertices=vertices)
 
 
@@ -161,12 +159,12 @@ def test_a_support_at_a_place_keeps_nothing_from_turning():
     """
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1}
     pin = {"region": {"near": (0.6, 0.5)}, **CLAMPED}
-    with pytest.raises(pds.SceneError, match="nothing keeps the body from turning"):
+    with raising("nothing keeps the body from turning", pds.SceneError):
         run_of(**sheet, prescribed=(pin,))
     run = run_of(**sheet, prescribed=(pin, {"region": {"near": (0.05, 0.5)}, "x2": 0.0}))
     assert (run.loading.free == 0).sum(axis=0).tolist() == [1, 2]
     dynamics = {"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}
-    with pytest.raises(pds.SceneError, match=r"^scene trial: prescribed.0.region: 4 points"):
+    with raising(r"^scene trial: prescribed.0.region: 4 points", pds.SceneError):
         run_of(**sheet, prescribed=(pin,), steps=(dynamics,))
 
 

@@ -9,6 +9,7 @@ import pytest
 from bodies import rotation, sheet
 from commands import commanded
 from conftest import SHIPPED
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
@@ -193,7 +194,7 @@ def test_a_bond_beyond_the_laws_limit_is_named():
     middle = int(np.linalg.norm(body.points - [0.55, 0.45], axis=1).argmin())
     positions = body.points.copy()
     positions[middle] += [0.0, 0.13]
-    with pytest.raises(InvalidState, match=r"point \d+ at \(.*\): its bond to \(.*\).*gent"):
+    with raising(r"point \d+ at \(.*\): its bond to \(.*\).*gent", InvalidState):
         forces(AnalyticBondForce(law), positions, body, law)
 
 
@@ -211,9 +212,8 @@ def test_bond_associated_stops_name_the_bond():
             "gent: no plane-stress state .* det F = ",
         ),
     ):
-        with pytest.raises(
-            InvalidState,
-            match=rf"point \d+ at \(.*\): its bond to \(.*\) has no stress: .*{reason}",
+        with raising(
+            rf"point \d+ at \(.*\): its bond to \(.*\) has no stress: .*{reason}", InvalidState
         ):
             model.bind(body, law, ForceSettings())(positions, np.empty_like(positions))
 

@@ -7,6 +7,7 @@ import pytest
 from bodies import rotation, sheet
 from conftest import SHIPPED
 from probes import assert_slope, directions_of
+from refusals import raising, saying
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
@@ -279,7 +280,7 @@ def test_a_hundred_times_as_stiff_is_found_in_equilibrium(name):
 @pytest.mark.parametrize("name", ["analytic", "neo-hookean", "nosb"])
 def test_where_the_volume_is_held_single_points_know_no_pressure_beside_an_interface(name):
     body = sheet(0.2)
-    with pytest.raises(ValueError, match=f"{name}.* only with plane=stress; use force=bond-energy"):
+    with raising(f"{name}.* only with plane=stress; use force=bond-energy"):
         bound(name, body, halves(body), settings=STRAIN)
 
 
@@ -461,10 +462,8 @@ def test_each_material_takes_the_surrogate_of_its_law():
     ],
 )
 def test_what_does_not_go_together_is_refused(changes, force, message):
-    with pytest.raises(SceneError) as caught:
+    with saying(message, SceneError):
         pds.simulate(load_scene("bimaterial", {"spacing": 0.125, **changes}), force)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_part_that_takes_all_of_the_body_leaves_one_material():
@@ -559,7 +558,7 @@ def test_moments_of_a_bonded_face_and_a_load_balance_beside_an_interface(plane):
 def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
     moving = [*SUPPORTS, {"region": "right", "x1": 1.5}]
     steps = [{"to": 1.0, "dynamics": {"duration": 0.12, "density": 0.01}}]
-    with pytest.raises(SceneError, match="faster than shear waves at 10"):
+    with raising("faster than shear waves at 10", SceneError):
         pds.simulate(general(prescribed=moving, steps=steps), "analytic")
 
 

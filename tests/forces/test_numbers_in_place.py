@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.forces.internal_force import numbers_in_place
@@ -153,7 +154,7 @@ def test_an_error_leaves_no_other_numbers_in_a_force(name, force, changes, numbe
     case = Case(name, force, changes, numbers)
     own = case.forces(case.force)
     with (
-        pytest.raises(KeyError, match="in the block"),
+        raising("in the block", KeyError),
         numbers_in_place(case.force, case.materials),
     ):
         raise KeyError("in the block")
@@ -173,7 +174,7 @@ def test_other_laws_and_models_are_refused():
         case.materials * 2,
     ):
         with (
-            pytest.raises(ValueError, match="takes other numbers of its laws and models"),
+            raising("takes other numbers of its laws and models"),
             numbers_in_place(case.force, materials),
         ):
             pass

@@ -5,6 +5,7 @@ is said.
 import numpy as np
 import pytest
 from own_forces import MyEnergy, MyRubber
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
@@ -89,7 +90,7 @@ class Wrong:
     ],
 )
 def test_a_force_that_cannot_work_says_so_before_the_run(answer, message):
-    with pytest.raises(SceneError, match=message):
+    with raising(message, SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Wrong(answer))
 
 
@@ -98,7 +99,7 @@ def test_an_energy_gives_its_derivatives():
         def energy(self, I1bar, I2bar):
             return I1bar - 3
 
-    with pytest.raises(SceneError, match="energy must return W, dW/dI1bar, dW/dI2bar, a tuple"):
+    with raising("energy must return W, dW/dI1bar, dW/dI2bar, a tuple", SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Half())
 
 
@@ -111,21 +112,19 @@ def test_an_error_on_the_way_is_the_users_own():
                 raise LookupError("no table beyond 1.35")
             return super().bond_force(stretch, rotation, length, C33, J)
 
-    with pytest.raises(
-        SimulationFailed, match=r"Ends: LookupError: no table beyond 1\.35"
-    ) as failed:
+    with raising(r"Ends: LookupError: no table beyond 1\.35", SimulationFailed) as failed:
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=[1.2, 1.5]), Ends())
     assert len(failed.value.result.levels) == 1
     assert isinstance(failed.value.__cause__, OwnForceFailed)
 
 
 def test_what_it_does_not_take_is_said():
-    with pytest.raises(SceneError, match="MyRubber does not support precision=float32"):
+    with raising("MyRubber does not support precision=float32", SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, precision="float32"), MyRubber())
-    with pytest.raises(SceneError, match="MyRubber does not support plane=strain"):
+    with raising("MyRubber does not support plane=strain", SceneError):
         pds.simulate(pds.load_scene("plane-strain-block", spacing=0.2), MyRubber())
     for wrong in (MyRubber, 3, object()):
-        with pytest.raises(TypeError, match="or have bond_force or energy"):
+        with raising("or have bond_force or energy", TypeError):
             pds.simulate("uniaxial", wrong)
 
 
@@ -160,7 +159,7 @@ class Off(MyRubber):
     ],
 )
 def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
-    with pytest.raises(SceneError, match=message):
+    with raising(message, SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
 
 
@@ -183,7 +182,7 @@ def test_a_derivative_that_is_none_is_refused(slopes, name):
 
     given, right = (slopes[0], 0.4) if name.endswith("1bar") else (slopes[1], 0.1)
     said = rf"Slip: {name} is {given} at I1bar = .*, I2bar = .*, but by finite differences {right}"
-    with pytest.raises(SceneError, match=said):
+    with raising(said, SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
 
 
@@ -239,5 +238,5 @@ def test_an_energy_of_another_modulus_is_said():
 
 def test_a_value_that_is_not_finite_is_named_before_the_run():
     cut = Energy(lambda I1, I2: np.where(I1 > 4, np.nan, 0.4 * (I1 - 3) + 0.1 * (I2 - 3)), 0.4, 0.1)
-    with pytest.raises(SceneError, match=r"Energy: .* W = nan, .* at I1bar = 4\.5"):
+    with raising(r"Energy: .* W = nan, .* at I1bar = 4\.5", SceneError):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), cut)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import rotation
 from force_models import TABLE
-from refusals import refused
+from refusals import raising, refused
 from runs import started
 
 import pdsurrogate as pds
@@ -89,7 +89,7 @@ def test_conditions_that_agree_may_share_points():
 
 @refused("conditions")
 def test_conditions_that_make_no_sense_are_refused(prescribed, message):
-    with pytest.raises(pds.SceneError, match=message):
+    with raising(message, pds.SceneError):
         started(scene_of(prescribed), "analytic")
 
 
@@ -163,8 +163,8 @@ def test_what_later_entries_hold_too_is_not_reported_as_zero(second):
         support=support,
         steps=(1.0,),
     )
-    with pytest.raises(
+    with raising(
+        r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries",
         pds.SceneError,
-        match=r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries",
     ):
         pds.simulate(scene)

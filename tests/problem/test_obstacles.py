@@ -4,6 +4,7 @@ results report, and scenes that are refused.
 
 import numpy as np
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.materials.homogeneous import uniaxial
@@ -332,7 +333,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("obstacles", "changes", "message"), REFUSED)
 def test_unsuitable_obstacles_are_refused_with_key_and_remedy(obstacles, changes, message):
-    with pytest.raises(pds.SceneError, match=message):
+    with raising(message, pds.SceneError):
         pds.simulate(pressed(*obstacles, **changes), "bond-energy")
 
 
@@ -344,8 +345,8 @@ def test_an_obstacle_that_jumps_into_the_body_is_told():
     force, loaded = problem.bind()
     positions = problem.body.points.copy()
     problem.loading.apply(1.0, loaded, positions)
-    with pytest.raises(
-        pds.forces.InvalidState, match="the obstacle pin, which has passed the boundary of the body"
+    with raising(
+        "the obstacle pin, which has passed the boundary of the body", pds.forces.InvalidState
     ):
         problem.loading.check_inside(1.0, force, positions)
 
@@ -363,7 +364,7 @@ def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
     """It touches the body neither at the beginning nor at the end of the step; such runs once
     ended well, without any force.
     """
-    with pytest.raises(pds.SimulationFailed, match=r"\(pin moved by \(") as failed:
+    with raising(r"\(pin moved by \(", pds.SimulationFailed) as failed:
         pds.simulate(pressed(obstacle), "bond-energy")
     for level in failed.value.result.levels:  # the pin presses on the body
         assert np.linalg.norm(level["forces"]["pin"]) > 0.1
@@ -376,9 +377,9 @@ LID = {"region": {"box": ((0.0, 0.6), (1.0, 1.0))}, "material": "rigid"}
 def test_an_obstacle_in_the_way_of_which_a_rigid_region_is_refused(obstacle):
     """A rigid lid on one place of a disc slid off it, so that no increment was short enough."""
     held = {"region": "bottom", "x1": 0.0, "x2": 0.0}
-    with pytest.raises(
+    with raising(
+        r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe",
         pds.SceneError,
-        match=r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe",
     ):
         compile_scene(
             pressed(
@@ -395,11 +396,9 @@ def test_a_rigid_region_that_the_body_pushes_into_an_obstacle_ends_the_run():
     wall = {"half_plane": {"point": (1.02, 0.0), "normal": (1.0, 0.0)}, "name": "wall"}
     held = ({"region": "left", "x1": 0.1, "x2": 0.0}, {"region": "bottom", "x2": 0.0})
     stud = {"region": {"box": ((0.7, 0.3), (1.0, 0.7))}, "material": "rigid"}
-    with pytest.raises(
+    with raising(
+        r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);",
         pds.SimulationFailed,
-        match=(
-            r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);"
-        ),
     ):
         pds.simulate(pressed(wall, prescribed=held, materials=(stud,)), "bond-energy")
 
@@ -422,11 +421,9 @@ def test_an_obstacle_cannot_enter_a_held_edge(up):
         "name": "plate",
     }
     held = tuple({"region": name, "x1": 0.0, "x2": 0.0} for name in ("bottom", "top"))
-    with pytest.raises(
+    with raising(
+        rf"the obstacle plate lies .* inside the {'top' if up else 'bottom'} .*not into held"
+        r" parts",
         pds.SimulationFailed,
-        match=(
-            rf"the obstacle plate lies .* inside the {'top' if up else 'bottom'} .*not into held"
-            r" parts"
-        ),
     ):
         pds.simulate(pressed(plate, prescribed=held), "bond-energy")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from commands import invoke
 from conftest import SHIPPED
+from refusals import raising
 
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
@@ -63,7 +64,7 @@ def test_a_failure_at_any_step_leaves_the_old_file(tmp_path, monkeypatch, step):
         monkeypatch.setattr("pathlib.Path.write_text", fail)
     else:
         monkeypatch.setattr(f"os.{step}", fail)
-    with pytest.raises(OSError, match="No space left"):
+    with raising("No space left", OSError):
         files.write_json(path, {"new": 2})
     monkeypatch.undo()
     assert json.loads(path.read_text()) == {"old": 1}
@@ -131,7 +132,7 @@ def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypa
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr(os, "rename", fail)
-    with pytest.raises(OSError, match="Input/output"):
+    with raising("Input/output", OSError):
         save_artifact(tmp_path, {**card, "name": "mine"}, surrogate)
     assert not list((tmp_path / "mine").iterdir())
     monkeypatch.undo()

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body
@@ -102,7 +103,7 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
     )
     numbers, part = next(parts_of(result.body, [-1.5, 1.5], 1.0))
     states = StatesInFiles(written / "pieces", "hole", part, [result.states.moments[0]])
-    with pytest.raises(OSError, match="No space left"):
+    with raising("No space left", OSError):
         states.append(
             Moment(2.0, 1.3, 0.0),
             [{name: values[numbers] for name, values in result.states[0][1].items()}],

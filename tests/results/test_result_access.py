@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from described import SCENES
 from matplotlib.figure import Figure
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.results.drawings import title_of
@@ -51,11 +52,9 @@ def test_fields_by_name_and_component(stretched):
         ),
         ("von_mises_1", "von_mises has no components"),
     ):
-        with pytest.raises(ValueError, match=message):
+        with raising(message):
             stretched.field(name)
-    with pytest.raises(
-        IndexError, match="level 2: the result has no such output; there are 0 to 1"
-    ):
+    with raising("level 2: the result has no such output; there are 0 to 1", IndexError):
         stretched.field("stress", level=2)
 
 
@@ -78,9 +77,7 @@ def test_plots(stretched, tmp_path):
         drawn = stretched.plot("displacement_2", limits=limits).axes[0].collections[0]
         np.testing.assert_array_equal(drawn.get_array(), values)
         assert drawn.get_clim() == pytest.approx(expected)
-    with pytest.raises(
-        ValueError, match="stress has nine components; give one of them, such as stress_22"
-    ):
+    with raising("stress has nine components; give one of them, such as stress_22"):
         stretched.plot("stress")
 
 
@@ -215,21 +212,17 @@ def test_a_result_is_read_back(stretched, loaded, tmp_path):
 
 
 def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
-    with pytest.raises(FileNotFoundError, match="not a folder with results of a run"):
+    with raising("not a folder with results of a run", FileNotFoundError):
         pds.load_result(tmp_path)
     stretched.save(tmp_path)
     older = {key: value for key, value in stretched.summary.items() if key != "scene_as_run"}
     write_json(tmp_path / "summary.json", older)
-    with pytest.raises(
-        ValueError, match="older version and does not contain the scene: run the scene again"
-    ):
+    with raising("older version and does not contain the scene: run the scene again"):
         pds.load_result(tmp_path)
     # What such a folder holds is not known, and is not replaced unasked.
-    with pytest.raises(
-        FolderTaken, match=r"results of uniaxial.*; use another folder, or --overwrite"
-    ):
+    with raising(r"results of uniaxial.*; use another folder, or --overwrite", FolderTaken):
         stretched.save(tmp_path)
     stretched.save(tmp_path, overwrite=True)
     (tmp_path / "uniaxial.pvd").write_text("<VTKFile")
-    with pytest.raises(ValueError, match="the result cannot be read"):
+    with raising("the result cannot be read"):
         pds.load_result(tmp_path)

@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 import pytest
 from commands import commanded, invoke
+from refusals import raising
 from stopping import at_level, interrupt
 
 import pdsurrogate as pds
@@ -132,15 +133,15 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
             rf"contains the results of another run of uniaxial \({difference}\); use another"
             r" folder, or --overwrite"
         )
-        with pytest.raises(FolderTaken, match=refused):
+        with raising(refused, FolderTaken):
             simulate(scene, force, folder=tmp_path)
-        with pytest.raises(FolderTaken, match=refused):
+        with raising(refused, FolderTaken):
             simulate(scene, force).save(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
     read = pds.load_result(tmp_path)
     read.save(tmp_path)  # its states stay, which it reads from there
     assert read.displacement().shape == (300, 2)
-    with pytest.raises(ValueError, match=r"the result was read from files.*: copy"):
+    with raising(r"the result was read from files.*: copy"):
         read.save(tmp_path / "other")
     simulate(uniaxial(1.3), "analytic", folder=tmp_path, overwrite=True).save(tmp_path)
     assert pds.load_result(tmp_path).levels[0]["stretch"] == 1.3
@@ -153,13 +154,9 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)
-        with pytest.raises(
-            FolderTaken, match="continue it with --resume, or start again with --overwrite"
-        ):
+        with raising("continue it with --resume, or start again with --overwrite", FolderTaken):
             simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
-        with pytest.raises(
-            FolderTaken, match=r"uniaxial \(stretches is \[1.1, 1.2\] there and \[1.1\] here"
-        ):
+        with raising(r"uniaxial \(stretches is \[1.1, 1.2\] there and \[1.1\] here", FolderTaken):
             simulate(uniaxial(1.1), "analytic", folder=tmp_path)
     simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
     # now that it has come to its end
@@ -178,9 +175,9 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
 def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content):
     (tmp_path / name).write_text(content)
     for overwrite in (False, True):
-        with pytest.raises(FolderTaken, match="was not written by a run"):
+        with raising("was not written by a run", FolderTaken):
             saved[0].save(tmp_path, overwrite)
-        with pytest.raises(FolderTaken, match="was not written by a run"):
+        with raising("was not written by a run", FolderTaken):
             simulate(uniaxial(1.1), "analytic", folder=tmp_path, overwrite=overwrite)
     assert names_in(tmp_path) == [name]
     assert (tmp_path / name).read_text() == content
@@ -202,11 +199,9 @@ def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name
     (tmp_path / name).write_text("t,price\n1,2\n")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for options in ({}, {"overwrite": True}):
-        with pytest.raises(
-            FolderTaken, match=f"{name} was not written by a run and would be overwritten"
-        ):
+        with raising(f"{name} was not written by a run and would be overwritten", FolderTaken):
             simulate(scene, "analytic", folder=tmp_path, **options)
-    with pytest.raises(FolderTaken, match=f"{name} was not written by a run"):
+    with raising(f"{name} was not written by a run", FolderTaken):
         simulate(scene, "analytic").save(tmp_path, overwrite=True)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
@@ -249,9 +244,7 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
         own, host, *_ = lock.read_text().split()
         assert own == str(os.getpid())
     lock.write_text(f"{os.getppid()}\n{host}\n")
-    with pytest.raises(
-        FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"
-    ):
+    with raising(f"process {os.getppid()} on .* is writing a run to this folder", FolderTaken):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
     ended = invoke("run uniaxial --set spacing=0.1 --out", tmp_path)
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
@@ -264,7 +257,7 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
             assert lock.read_text().split()[:2] == [own, host]
         assert names_in(tmp_path) == []
     lock.write_text("1\nanother.host\n")
-    with pytest.raises(FolderTaken, match=r"on another\.host"), occupied(tmp_path):
+    with raising(r"on another\.host", FolderTaken), occupied(tmp_path):
         pass
 
 

@@ -5,6 +5,7 @@ tear and the disc crack.
 import numpy as np
 import pytest
 from described import SCENES
+from refusals import raising
 from stopping import Killed, while_bonds_break
 
 import pdsurrogate as pds
@@ -93,7 +94,7 @@ def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
 
 
 def test_cuts_of_scenes_in_space():
-    with pytest.raises(SceneError, match=r"precuts"):
+    with raising(r"precuts", SceneError):
         load_scene("trousers", {"precuts": [{"start": [0.0, 8.0], "end": [16.0, 8.0]}]})
 
 

@@ -8,6 +8,7 @@ import pytest
 import scipy
 from bodies import nothing_held, sheet
 from commands import invoke
+from refusals import raising
 from scipy.sparse.linalg import LinearOperator, eigs
 from stopping import Killed, at_level, interrupt, while_bonds_break
 
@@ -127,9 +128,7 @@ def test_grips_faster_than_shear_waves_are_refused():
     """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing,
     and the run "converged".
     """
-    with pytest.raises(
-        pds.SceneError, match=r"dynamics.stretch_rate: .* the greatest possible rate is 2683"
-    ):
+    with raising(r"dynamics.stretch_rate: .* the greatest possible rate is 2683", pds.SceneError):
         simulate(small(**{"dynamics.stretch_rate": 1e6}), "neo-hookean")
 
 
@@ -348,9 +347,7 @@ def test_scenes_without_fracture_have_dynamics_without_damage(tmp_path):
 
 
 def test_bodies_that_cannot_break_refuse(tmp_path):
-    with pytest.raises(
-        pds.SceneError, match=r"ba-nosb does not support bonds that break \(fracture\)"
-    ):
+    with raising(r"ba-nosb does not support bonds that break \(fracture\)", pds.SceneError):
         simulate(small(), "ba-nosb")
 
 
@@ -383,7 +380,7 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
         monkeypatch.setattr(account, "MOST_ENERGY", 1.02)
     monkeypatch.setattr(Loading, "check_inside", lambda *state: None)
     message = {"inversion": "time .*:", "energy": "the motion is unstable"}[check]
-    with pytest.raises(pds.SimulationFailed, match=message) as caught:
+    with raising(message, pds.SimulationFailed) as caught:
         simulate(pds.load_scene("tear", UNDAMPED), "ba-nosb", folder=tmp_path)
     assert "dynamics.safety" in str(caught.value)
     # The whole program takes some 20,000 steps.
@@ -423,8 +420,8 @@ def test_a_point_that_passes_through_a_grip_ends_the_run_with_its_last_good_stat
         take_step(motion)
 
     monkeypatch.setattr(transient.Transient, "step", step)
-    with pytest.raises(
-        pds.SimulationFailed, match=r"time .*: point \d+ at .* beyond the bottom edge"
+    with raising(
+        r"time .*: point \d+ at .* beyond the bottom edge", pds.SimulationFailed
     ) as caught:
         simulate(scene, "nosb")
     assert "dynamics.safety" in str(caught.value)
@@ -439,7 +436,7 @@ def test_a_point_that_passes_through_a_grip_ends_the_run_with_its_last_good_stat
 
 def test_a_step_beyond_the_critical_one_is_refused():
     for safety in (1.1, 2.0, 0.0, float("nan")):
-        with pytest.raises(pds.SceneError, match=r"dynamics\.safety"):
+        with raising(r"dynamics\.safety", pds.SceneError):
             small(**{"dynamics.safety": safety})
 
 
@@ -460,18 +457,16 @@ def test_dynamics_without_a_time_step_are_refused():
         body.volumes,
         **settings,
     )
-    with pytest.raises(Diverging, match="there is no time step"):
+    with raising("there is no time step", Diverging):
         integrator.begin()
 
 
 @pytest.mark.parametrize("changes", [{"density": 1e-40}, {"viscosity": 1e4}, {"safety": 1e-10}])
 def test_too_many_time_steps_are_refused_before_the_equilibrium(changes, tmp_path):
-    with pytest.raises(
+    with raising(
+        r"dynamics: a duration of .* more than 1e\+09 steps; check dynamics\.density,"
+        r" .*dynamics\.safety",
         pds.SceneError,
-        match=(
-            r"dynamics: a duration of .* more than 1e\+09 steps; check dynamics\.density,"
-            r" .*dynamics\.safety"
-        ),
     ):
         simulate(
             small(
@@ -693,7 +688,7 @@ def test_a_failure_after_the_last_bond_ends_the_run_with_its_result(separated, m
         assert result.summary["crack"]["through"]
         assert result.states.moments[-1].stretch == result.history[-1]["stretch"]
     else:
-        with pytest.raises(pds.SimulationFailed, match="turned inside out"):
+        with raising("turned inside out", pds.SimulationFailed):
             simulate(small(), "neo-hookean")
 
 

@@ -14,6 +14,7 @@ import time
 import numpy as np
 import pytest
 from commands import commanded, words_of
+from refusals import raising
 from stopping import Killed, at_level, interrupt
 
 import pdsurrogate as pds
@@ -133,7 +134,7 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     # What a process leaves that is killed while it writes goes when the run goes on.
     (tmp_path / f"{TEMPORARY}uniaxial-004-abcdefgh.vtu").write_text("half")
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=STRETCHES)
-    with pytest.raises(FolderTaken, match="was interrupted: continue it with --resume"):
+    with raising("was interrupted: continue it with --resume", FolderTaken):
         simulate(scene, "analytic", folder=tmp_path)
     resumed = simulate(scene, "analytic", folder=tmp_path, resume=True)
     assert resumed.history == simulate(scene, "analytic").history
@@ -153,7 +154,7 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
         simulate(scene, "analytic", folder=tmp_path)
     assert pds.load_result(tmp_path).status == "running"
     assert not pds.load_result(tmp_path).states
-    with pytest.raises(FolderTaken, match=r"another run of uniaxial \(stretches"):
+    with raising(r"another run of uniaxial \(stretches", FolderTaken):
         simulate(
             pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path
         )
@@ -223,7 +224,7 @@ def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
     done = commanded(command, "--resume")
     assert len(pds.load_result(tmp_path).levels) == 3
     for wrong in (0, -1.0, math.inf):
-        with pytest.raises(ValueError, match="max_time must be a number of seconds greater than 0"):
+        with raising("max_time must be a number of seconds greater than 0"):
             simulate("uniaxial", max_time=wrong)
 
 
@@ -239,7 +240,7 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     assert len(list(tmp_path.glob("runs/*/checkpoint.npz"))) == 2
     done = pds.study(keys, tmp_path, jobs=1, threads=1)
     assert [row["failure"] for row in done.rows] == [None, None]
-    with pytest.raises(ValueError, match="max_time: a fit cannot be resumed"):
+    with raising("max_time: a fit cannot be resumed"):
         pds.study(
             {"fit": {"material": "gent"}, "parameters": {"degree": [3]}},
             tmp_path / "fits",
@@ -333,7 +334,7 @@ def test_a_refused_resume_changes_nothing(tmp_path, stretches, force, change, me
     if change is not None:
         change(tmp_path)
     before = content_of(tmp_path)
-    with pytest.raises(CheckpointError, match=message):
+    with raising(message, CheckpointError):
         simulate(sheet(*stretches), force, folder=tmp_path, resume=True)
     assert content_of(tmp_path) == before
 
@@ -344,10 +345,10 @@ def test_a_resume_in_a_folder_without_a_run_leaves_the_users_files(tmp_path, mon
     (tmp_path / "summary.json").write_text('{"mine": 1}')
     (tmp_path / "history.csv").write_text("year,price\n")
     before = content_of(tmp_path)
-    with pytest.raises(CheckpointError, match="there is no checkpoint"):
+    with raising("there is no checkpoint", CheckpointError):
         simulate(sheet(1.1), "analytic", folder=tmp_path, resume=True)
     assert content_of(tmp_path) == before
-    with pytest.raises(CheckpointError, match="there is no checkpoint"):
+    with raising("there is no checkpoint", CheckpointError):
         simulate(sheet(1.1), "analytic", folder=tmp_path / "new", resume=True)
     assert content_of(tmp_path) == before
 

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from commands import commanded
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.run.account import GAP_WARNED
@@ -130,9 +131,8 @@ def test_a_crack_that_makes_energy_is_a_failure(monkeypatch):
     monkeypatch.setattr(
         ExplicitDynamics, "limit", lambda self, squared: limit(self, squared / 1.44**2)
     )
-    with pytest.raises(
-        pds.SimulationFailed,
-        match=r"energy balance has an error of|the motion is unstable|bulges over",
+    with raising(
+        r"energy balance has an error of|the motion is unstable|bulges over", pds.SimulationFailed
     ) as caught:
         pds.simulate(scene, "bond-energy")
     summary = caught.value.result.summary

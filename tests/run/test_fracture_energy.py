@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tip_diameters as pipeline
 from described import SCENES
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
@@ -40,9 +41,8 @@ def test_diameters_are_those_of_tears_within_seven_percent():
 def test_a_fracture_energy_is_refused_with_weights_that_were_not_measured():
     pds.Scene.model_validate({**STRIP, "weight": "inverse"})
     pds.Scene.model_validate({**STRIP, "weight": "constant", "fracture": {"critical_stretch": 2.0}})
-    with pytest.raises(
-        ValueError,
-        match=r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead",
+    with raising(
+        r"\(weight=inverse\), not for weight=constant; set fracture.critical_stretch instead"
     ):
         pds.Scene.model_validate({**STRIP, "weight": "constant"})
 
@@ -254,9 +254,9 @@ def test_a_critical_stretch_at_which_no_tip_was_measured_is_remarked(energy):
 )
 def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
     known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5.*\)"
-    with pytest.raises(
+    with raising(
+        rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch",
         pds.SceneError,
-        match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch",
     ):
         pds.simulate(pds.load_scene(scene, {"fracture": {"energy": 274.0}} | changes), force)
 
@@ -294,11 +294,9 @@ def test_a_fracture_energy_is_refused_in_walls_whose_bonds_reach_one_layer(
     model = pds.load_surrogate("bond-energy")
     if layers is not None:
         mended = f"horizon_ratio to 2.2 or 3, or spacing to {layers / 40:.3g} or less"
-        with pytest.raises(
+        with raising(
+            rf"fracture\.energy needs walls .* thinner ones, down to {layers}: .*; set {mended}",
             pds.SceneError,
-            match=(
-                rf"fracture\.energy needs walls .* thinner ones, down to {layers}: .*; set {mended}"
-            ),
         ):
             compile_scene(pds.Scene.model_validate(STRIP | changes), [model])
         changes["fracture"] = {"critical_stretch": 2.0}
@@ -327,10 +325,7 @@ def test_walls_beside_a_plane_of_symmetry_are_as_thick_as_with_their_image():
 
 
 def test_an_arrangement_that_was_not_measured_is_refused():
-    with pytest.raises(
-        ValueError,
-        match=r"not for bond energy, plane=stress, arrangement=hexagonal, horizon_ratio 3\.15",
-    ):
+    with raising(r"not for bond energy, plane=stress, arrangement=hexagonal, horizon_ratio 3\.15"):
         tip_diameters("stress", 3.15, "bond energy", "hexagonal")
 
 

@@ -5,6 +5,7 @@ energy, resuming.
 import numpy as np
 import pytest
 from described import SCENES
+from refusals import raising
 from runs import started
 from stopping import Killed, while_bonds_break
 
@@ -217,7 +218,7 @@ def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
     ],
 )
 def test_limits_that_make_no_sense_are_refused(data, message):
-    with pytest.raises(ValueError, match=message):
+    with raising(message):
         pds.Scene.model_validate(
             {
                 **{key: value for key, value in LAYERS.items() if key not in data},
@@ -247,17 +248,17 @@ def test_an_interface_that_no_bond_crosses_is_refused(between, precut):
         "fracture": fracture,
         "precuts": precut,
     }
-    with pytest.raises(
+    with raising(
+        r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out",
         pds.SceneError,
-        match=r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out",
     ):
         pds.simulate(pds.Scene.model_validate(layers), "bond-energy")
 
 
 def test_an_energy_between_different_laws_is_refused():
-    with pytest.raises(
+    with raising(
+        r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured",
         pds.SceneError,
-        match=r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured",
     ):
         pds.simulate(scene(3.0, interface={"energy": 0.1}), "bond-energy")
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from described import SCENES
+from refusals import raising
 from runs import started
 from scipy import stats
 
@@ -63,13 +64,13 @@ def test_the_weakest_place_breaks_at_its_own_strength(seed):
     ],
 )
 def test_what_no_scatter_can_be_is_refused(scatter, message):
-    with pytest.raises(SceneError, match=message):
+    with raising(message, SceneError):
         started(scene(scatter))
 
 
 def test_numbers_that_are_left_to_no_artifact_are_refused():
     given = scene({"modulus": "artifact"})
-    with pytest.raises(SceneError, match=r"scatter\.modulus: neither the force model nor"):
+    with raising(r"scatter\.modulus: neither the force model nor", SceneError):
         started(given)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.materials import LAWS, MooneyRivlin, Yeoh
@@ -156,18 +157,15 @@ def test_numbers_of_which_a_learned_model_knows_one_value_are_no_parameters():
     rates = result.sensitivity(["nominal_stress"], moduli).derivatives[0]
     # stresses scale with both
     assert rates @ [1.0, 200.0] == pytest.approx(result.levels[-1]["nominal_stress"], rel=1e-6)
-    with pytest.raises(
-        ValueError,
-        match=r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic",
+    with raising(
+        r"gent@1 describes one value of chain_limit alone.*run the scene with force=analytic"
     ):
         result.sensitivity(["nominal_stress"], ["material.chain_limit"])
     polyconvex = pds.simulate(
         pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material="polyconvex"),
         "bond-energy",
     )
-    with pytest.raises(
-        ValueError, match=r"material\.second\.1 is 0, so that polyconvex has no such term"
-    ):
+    with raising(r"material\.second\.1 is 0, so that polyconvex has no such term"):
         polyconvex.sensitivity(["nominal_stress"], ["material.second.1"])
 
 
@@ -181,7 +179,7 @@ def test_components_of_a_probe_have_short_names():
     assert found.outputs == ("nominal_stress", "probes.tip.displacement.1", "forces.right.1")
     whole = result.sensitivity(["probes.tip.displacement"], ["material.bulk_modulus"])
     assert found.derivatives[1, 0] == pytest.approx(whole.derivatives[1, 0], rel=1e-6)
-    with pytest.raises(ValueError, match=r"the result has no 'probes\.tip\.u3'"):
+    with raising(r"the result has no 'probes\.tip\.u3'"):
         result.sensitivity(["probes.tip.u3"], ["stretch"])
 
 
@@ -254,7 +252,7 @@ def test_a_body_with_a_precut_has_derivatives_until_a_bond_breaks():
     )
     torn = pds.simulate(scene, "bond-energy")
     torn.field("damage", 0)[0] += 0.05  # as if a bond were broken
-    with pytest.raises(ValueError, match="bonds are broken at output 0"):
+    with raising("bonds are broken at output 0"):
         torn.sensitivity(["nominal_stress"], ["stretch"])
 
 
@@ -387,44 +385,34 @@ def test_newton_reaches_ten_digits_in_a_few_iterations(name):
 
 def test_what_has_no_derivative_is_refused(tmp_path):
     result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "bond-energy")
-    with pytest.raises(
-        ValueError,
-        match=r"there is no number 'material.shear_modulos' .* did you mean material.shear_modulus",
+    with raising(
+        r"there is no number 'material.shear_modulos' .* did you mean material.shear_modulus"
     ):
         result.sensitivity(["energy"], ["material.shear_modulos"])
-    with pytest.raises(ValueError, match="there is no number 'spacing'"):
+    with raising("there is no number 'spacing'"):
         result.sensitivity(["energy"], ["spacing"])
     for outputs, numbers in (
         (["crack.peak.nominal_stress"], ["material.shear_modulus"]),
         (["peak_nominal_stress"], ["material.shear_modulus"]),
         (["energy"], ["fracture.strength.uniaxial"]),
     ):
-        with pytest.raises(ValueError, match="what a body bears at break has no derivative"):
+        with raising("what a body bears at break has no derivative"):
             result.sensitivity(outputs, numbers)
-    with pytest.raises(
-        ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"
-    ):
+    with raising("the result has no 'nominal_stres'; did you mean nominal_stress"):
         result.sensitivity(["nominal_stres"], ["stretch"])
-    with pytest.raises(
-        ValueError,
-        match="parameters: name at least one number to differentiate by, such as 'stretch'",
-    ):
+    with raising("parameters: name at least one number to differentiate by, such as 'stretch'"):
         result.sensitivity([], [])
-    with pytest.raises(
-        ValueError, match=r"outputs: must be a list of names such as .* not 'energy'"
-    ):
+    with raising(r"outputs: must be a list of names such as .* not 'energy'"):
         result.sensitivity("energy", ["stretch"])
-    with pytest.raises(ValueError, match=r"parameters: must be a list of names .* not \[1\]"):
+    with raising(r"parameters: must be a list of names .* not \[1\]"):
         result.sensitivity(["energy"], [1])
-    with pytest.raises(
-        ValueError, match=r"outputs: must be a list of at least one name, .* not \[\]"
-    ):
+    with raising(r"outputs: must be a list of at least one name, .* not \[\]"):
         result.standard_errors([])
-    with pytest.raises(ValueError, match=r"covariance: must be a LawCovariance, .* not a float"):
+    with raising(r"covariance: must be a LawCovariance, .* not a float"):
         result.standard_errors(["energy"], 1.0)
     twice = result.sensitivity(["energy"], ["stretch", "stretch"]).derivatives[0]
     assert twice[0] == pytest.approx(twice[1], rel=1e-6)
-    with pytest.raises(IndexError, match="has 1 outputs, none with the number 1"):
+    with raising("has 1 outputs, none with the number 1", IndexError):
         result.sensitivity(["energy"], ["stretch"], level=1)
     result.save(tmp_path / "saved")
     saved = pds.load_result(tmp_path / "saved")
@@ -433,12 +421,12 @@ def test_what_has_no_derivative_is_refused(tmp_path):
         lambda: saved.standard_errors(["energy"]),
         saved.lowest_mode,
     ):
-        with pytest.raises(ValueError, match="read from files has no force model"):
+        with raising("read from files has no force model"):
             ask()
     soft = pds.simulate(result.scene, "ba-nosb")
-    with pytest.raises(ValueError, match="the forces of ba-nosb have no energy: use bond-energy"):
+    with raising("the forces of ba-nosb have no energy: use bond-energy"):
         soft.sensitivity(["nominal_stress"], ["stretch"])
-    with pytest.raises(pds.SceneError, match=r"solver\.method=newton needs precision"):
+    with raising(r"solver\.method=newton needs precision", pds.SceneError):
         pds.simulate(
             pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean"
         )
@@ -460,7 +448,7 @@ def test_a_kink_of_an_amplitude_has_no_derivative_by_t():
     assert (
         result.sensitivity(["forces.right.0"], ["prescribed.1.x1"], level=1).derivatives[0, 0] > 0
     )
-    with pytest.raises(ValueError, match=r"prescribed\.1\.amplitude has a kink at t = 1"):
+    with raising(r"prescribed\.1\.amplitude has a kink at t = 1"):
         result.sensitivity(["forces.right.0"], ["t"], level=1)
 
 

@@ -14,7 +14,7 @@ import pytest
 from commands import invoke
 from conftest import SHIPPED
 from polynomials import polynomial
-from refusals import refused
+from refusals import raising, refused
 from runs import started
 from sklearn.linear_model import LinearRegression
 
@@ -84,9 +84,9 @@ def test_bodies_whose_horizons_reach_images_of_images_are_refused(cells):
     """Two spacings between reflected grips gave 0.218 kPa of 1.050, and a lateral displacement 1
     % off: neighbors are missing.
     """
-    with pytest.raises(
+    with raising(
+        r"too short for reflection: its horizon is 0\.315; use a spacing of 0\.0\d+ or less",
         SceneError,
-        match=r"too short for reflection: its horizon is 0\.315; use a spacing of 0\.0\d+ or less",
     ):
         run("analytic", "spacing=0.1", f"body.size={0.1 * cells:g},1.0", "stretches=1.5")
 
@@ -190,7 +190,7 @@ def test_zero_energy_modes_show_in_nosb_and_not_in_the_surrogate():
     assert abs(rough["nominal_stress_error"]) > 0.1
     assert abs(smooth["nominal_stress_error"]) < 0.05
     assert rough["method"] == "relaxation"
-    with pytest.raises(SimulationFailed, match="stretch 1"):
+    with raising("stretch 1", SimulationFailed):
         run("nosb", "support=points", "stretches=1.5", "solver.method=quasi-newton")
 
 
@@ -221,9 +221,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
     cut = pds.load_scene(
         "uniaxial", {**described, "precuts": [{"start": [1.5, 0.85], "end": [1.5, 1.0]}]}
     )
-    with pytest.raises(
-        SimulationFailed, match=r"buckles between the stretches 0\.8.* stretch 0\.8"
-    ) as caught:
+    with raising(r"buckles between the stretches 0\.8.* stretch 0\.8", SimulationFailed) as caught:
         simulate(cut, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
@@ -272,10 +270,10 @@ def test_points_beyond_a_grip_are_no_equilibrium():
     scene = pds.load_scene(
         "uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"}
     )
-    with pytest.raises(
-        SimulationFailed,
-        match=r"point \d+ at \(.*\): .* beyond the (left|right) edge.*"
+    with raising(
+        r"point \d+ at \(.*\): .* beyond the (left|right) edge.*"
         r"found at stretch 0\.\d+ \(only to the tolerance of increments\), and none beyond",
+        SimulationFailed,
     ) as caught:
         simulate(scene, "nosb")
     assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
@@ -286,8 +284,8 @@ def test_an_energy_buckles_where_euler_says(force):
     """A sheet of length l and height h between rollers buckles at a strain of (pi h/l)^2/12,
     less some percent for its shear.
     """
-    with pytest.raises(
-        SimulationFailed, match="is not stable, so the body buckles: along one displacement"
+    with raising(
+        "is not stable, so the body buckles: along one displacement", SimulationFailed
     ) as caught:
         simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.5]}), force)
     found = re.search(
@@ -348,7 +346,7 @@ def test_threads_change_no_bit():
     one, two = (run("neo-hookean", "stretches=1.5", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.displacement(), two.displacement())
     assert [one.summary["threads"], two.summary["threads"]] == [1, 2]
-    with pytest.raises(ValueError, match="threads must be between"):
+    with raising("threads must be between"):
         run("analytic", threads=10_000)
 
 
@@ -375,16 +373,14 @@ def test_surrogate_beyond_its_domain_falls_back(tmp_path):
     assert 0.1 < result.summary["fallback_fraction"] < 1
     for key in ("nominal_stress", "lateral_displacement"):
         assert result.levels[0][key] == pytest.approx(exact.levels[0][key], rel=1e-3)
-    with pytest.raises(SimulationFailed, match="outside the domain"):
+    with raising("outside the domain", SimulationFailed):
         run(short, "stretches=2", "outside=raise")
 
 
 def test_failed_runs_keep_what_they_reached(tmp_path):
-    with pytest.raises(
-        SimulationFailed, match=r"stretch 1\.5: the residual is .* after 5 force evaluations"
-    ):
+    with raising(r"stretch 1\.5: the residual is .* after 5 force evaluations", SimulationFailed):
         run("analytic", "stretches=1.5", "solver.most_evaluations=5")
-    with pytest.raises(SimulationFailed, match=r"stretch 5: .* outside the domain") as caught:
+    with raising(r"stretch 5: .* outside the domain", SimulationFailed) as caught:
         run("neo-hookean", "stretches=1.5,5", "outside=raise")
     result = caught.value.result
     assert not result.summary["converged"]
@@ -415,7 +411,7 @@ def test_holds(tmp_path):
         ({"points": [10_000]}, "there is no point 10000"),
         ({}, "needs exactly one of box, points"),
     ):
-        with pytest.raises(SceneError, match=message):
+        with raising(message, SceneError):
             simulate(pds.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")
 
 
@@ -459,7 +455,7 @@ LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
 @refused("problems without an answer")
 def test_bodies_and_conditions_without_an_answer(changes, message):
     """What ran through, or ended in the words of NumPy."""
-    with pytest.raises(SceneError, match=message):
+    with raising(message, SceneError):
         simulate(
             pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic"
         )
@@ -478,7 +474,7 @@ def test_pieces_that_are_held_have_an_answer():
 
 
 def test_material_and_surrogate_must_fit():
-    with pytest.raises(SceneError, match="correction=tensor"):
+    with raising("correction=tensor", SceneError):
         run("neo-hookean-paper", "correction=tensor")
 
 
@@ -499,9 +495,9 @@ def test_scenes_by_name_and_file(tmp_path):
         for scene in (path, str(path), pds.load_scene("uniaxial", FAST))
     ]
     assert stress[0] == stress[1] == stress[2]
-    with pytest.raises(SceneError, match="unknown scene 'uniaxal'"):
+    with raising("unknown scene 'uniaxal'", SceneError):
         pds.simulate("uniaxal")
-    with pytest.raises(TypeError, match="scene must be a Scene, or the name or file of one, not 3"):
+    with raising("scene must be a Scene, or the name or file of one, not 3", TypeError):
         pds.simulate(3)
 
 
@@ -538,18 +534,14 @@ def test_what_is_no_force_says_what_is_taken():
     scene, law = pds.load_scene("uniaxial", FAST), pds.materials.NeoHookean()
     samples = pds.training_samples(law, 300, random_state=0)
     pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric")
-    with pytest.raises(ValueError, match="not fitted"):
+    with raising("not fitted"):
         pds.simulate(scene, pipeline)
-    with pytest.raises(
-        ValueError, match=r"the stretches to which this LinearRegression was fitted are unknown"
-    ):
+    with raising(r"the stretches to which this LinearRegression was fitted are unknown"):
         pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))
-    with pytest.raises(
-        ValueError, match="the stretches to which a pipeline from a file was fitted are unknown"
-    ):
+    with raising("the stretches to which a pipeline from a file was fitted are unknown"):
         pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
     for force in (3, pds.AnalyticBondForce, samples):
-        with pytest.raises(TypeError, match="force must be a force model, its name or path"):
+        with raising("force must be a force model, its name or path", TypeError):
             pds.simulate(scene, force)
 
 

@@ -9,6 +9,7 @@ import pytest
 import scipy
 import strength
 from described import SCENES
+from refusals import raising
 from runs import started
 from stopping import Killed, while_bonds_break
 
@@ -227,7 +228,7 @@ def test_a_strength_that_would_act_nowhere_is_refused():
     clamps = [{"edge": "bottom"}, {"edge": "top", "travel": 1}]
     fracture = {"energy": WORK, "strength": {"stretch": 4.0, "at_grips": False}}
     short = {"shape": "rectangle", "size": [1.2, 0.5]}
-    with pytest.raises(pds.scenes.SceneError, match=r"fracture\.strength: with at_grips = false"):
+    with raising(r"fracture\.strength: with at_grips = false", pds.scenes.SceneError):
         started(scene(grips=clamps, fracture=fracture, body=short))
     tab = {"regions": {"tab": {"box": [[0, 0], [1.2, 0.2]]}}}
     parts = [{"region": "tab", "material": RUBBER}]
@@ -236,7 +237,7 @@ def test_a_strength_that_would_act_nowhere_is_refused():
     ).problem.strengths.zones
     assert [bool(one.centers.any()) for one in zones] == [True, False]
     parts[0]["fracture"] = fracture
-    with pytest.raises(pds.scenes.SceneError, match=r"materials\.0\.fracture\.strength: with"):
+    with raising(r"materials\.0\.fracture\.strength: with", pds.scenes.SceneError):
         started(scene(grips=clamps, fracture=fracture, materials=parts, **tab))
 
 
@@ -293,14 +294,14 @@ REFUSED = [
 
 @pytest.mark.parametrize(("strength", "changes", "told"), REFUSED)
 def test_a_strength_that_cannot_act_is_refused(strength, changes, told):
-    with pytest.raises(pds.SceneError, match=told):
+    with raising(told, pds.SceneError):
         started(scene(fracture={"energy": WORK, "strength": strength}, **changes))
     if "spacing" in changes:
         started(scene(spacing=0.172))
 
 
 def test_a_strength_needs_an_energy():
-    with pytest.raises(pds.SceneError, match="strength needs energy in place of critical_stretch"):
+    with raising("strength needs energy in place of critical_stretch", pds.SceneError):
         scene(fracture={"critical_stretch": 4.0, "strength": {"stretch": 4.0}})
 
 
