@@ -3,7 +3,6 @@ completes tests to a table of test data.
 """
 
 import hashlib
-import itertools
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ from ..measurements import files_at, is_field, read_fields
 from ..measurements.plausible import SOURCES
 from ..measurements.quantities import UNITS
 from ..measurements.specimens import MechanicalTests
-from ..measurements.table import Block, Column
+from ..measurements.table import Column
 from ..results import figures, measured
 from ..results.files import write_text
 from ..scenes.model import with_unit
@@ -77,14 +76,12 @@ def data(
     ] = None,
 ) -> None:
     """Print what files are, draw them, and write tests as a table of test data."""
-    files = [str(one) for file in files for one in files_at(file)]
     fields: dict[str, list[str]] = {}
-    for file in files:
-        if form := is_field(file):
-            fields.setdefault(form, []).append(file)
-    others = [file for file in files if file not in {*itertools.chain(*fields.values())}]
-    meshes = [file for file in others if _is_mesh(Path(file))]
-    tests = [file for file in others if file not in meshes]
+    meshes, tests = [], []
+    for file in (str(one) for given in files for one in files_at(given)):
+        form = is_field(file)
+        those = fields.setdefault(form, []) if form else meshes if _is_mesh(Path(file)) else tests
+        those.append(file)
     stated = facts.stated(bool(fields))
     if not tests and (stated or table):
         option = "--out" if table else option_of(next(iter(stated)))
@@ -152,7 +149,7 @@ def _seen_mesh(file: str) -> Seen:
     facts = [{"body": key, "value": value} for key, value in summary.items()]
     return Seen(
         Path(file).stem,
-        {**values, **summary, "groups": groups, "remarks": list(found.remarks)},
+        {**values, **summary, "groups": groups, "remarks": found.remarks},
         {f"{file}: {found.form}": elements, "Body": facts, "Groups": groups},
         lambda: measured.mesh_figure(mesh.cells, mesh.cell_groups, mesh.side_groups, file),
     )
@@ -162,11 +159,15 @@ def _seen_field(form: str, files: Sequence[str], unit: str | None, up: bool | No
     """Return what is known of a field in one file or in several."""
     field = read_fields(*files, unit=unit, up=up)
     known = field.deviation[np.isfinite(field.deviation)]
-    rows = []
-    for step in np.unique(field.step):
-        here = field.step == step
-        size = np.linalg.norm(field.displacements[here], axis=1)
-        rows.append({"image": int(step), "points": int(here.sum()), "greatest": float(size.max())})
+    size = np.linalg.norm(field.displacements, axis=1)
+    rows = [
+        {
+            "image": int(step),
+            "points": int(count),
+            "greatest": float(size[field.step == step].max()),
+        }
+        for step, count in zip(*np.unique(field.step, return_counts=True), strict=True)
+    ]
     values = {
         "unit": field.unit or "that of the scene",
         **{f"x{n}": _span(places) for n, places in enumerate(field.places.T, start=1)},
@@ -177,8 +178,14 @@ def _seen_field(form: str, files: Sequence[str], unit: str | None, up: bool | No
     name = ", ".join(files)
     return Seen(
         Path(files[0]).stem,
-        {"file": name, "kind": "field", "form": form, **values, "images": rows}
-        | {"remarks": list(field.notes)},
+        {
+            "file": name,
+            "kind": "field",
+            "form": form,
+            **values,
+            "images": rows,
+            "remarks": field.notes,
+        },
         {
             f"{name}: {form}": [{"field": key, "value": one} for key, one in values.items()],
             f"Displacements ({values['unit']})": rows,
@@ -196,7 +203,7 @@ def _seen_tests(read: MechanicalTests) -> Seen:
                 "table": block.title or f"{number}",
                 "rows": len(block.lines),
                 "lines": _span(block.lines),
-                "states": {**({"mode": block.mode} if block.mode else {}), **block.facts},
+                "states": ({"mode": block.mode} if block.mode else {}) | block.facts,
             }
             for number, block in enumerate(file.blocks, start=1)
         ]
@@ -205,16 +212,8 @@ def _seen_tests(read: MechanicalTests) -> Seen:
             words += [f"{file.encoding}, separated by {SIGNS.get(file.separator, 'blanks')}"]
             words += [f"decimal {SIGNS[file.decimal_sign]}"]
         titles[f"{file.path.name}: {', '.join(words)}"] = rows
-        forms.append(
-            {
-                "file": str(file.path),
-                "form": file.form,
-                "encoding": file.encoding,
-                "separator": file.separator,
-                "decimal_sign": file.decimal_sign,
-                "tables": rows,
-            }
-        )
+        form = {key: vars(file)[key] for key in ("form", "encoding", "separator", "decimal_sign")}
+        forms.append({"file": str(file.path), **form, "tables": rows})
     tests = [
         {
             "specimen": one.name,
@@ -248,8 +247,8 @@ def _seen_tests(read: MechanicalTests) -> Seen:
             "specimens": tests,
             "at_break": broken,
             "tears": torn,
-            "remarks": list(read.assumed),
-            "missing": list(read.missing),
+            "remarks": read.assumed,
+            "missing": read.missing,
         },
         {
             **titles,
@@ -291,40 +290,29 @@ def _in_words(value: Any) -> Any:
 def _drawn_tests(read: MechanicalTests) -> Figure:
     """Return a figure of the branches of tests, or of columns that are no tests yet."""
     if read.specimens:
-        curves = [
-            (
-                one.name,
-                {
-                    name: (one.stretch[one.branch == name], one.nominal_stress[one.branch == name])
-                    for name in dict.fromkeys(one.branch.tolist())
-                },
-            )
-            for one in read.specimens
-        ]
+        curves = []
+        for one in read.specimens:
+            curve = np.array([one.stretch, one.nominal_stress])
+            names = dict.fromkeys(one.branch.tolist())
+            curves.append((one.name, {name: tuple(curve[:, one.branch == name]) for name in names}))
         return measured.tests_figure(curves, "stretch", with_unit("nominal stress", read.unit))
-    first, second = _two_columns(read.tables[0].blocks[0])
-    drawn = {"not complete": (first.values, second.values)}
-    labels = [with_unit(one.heading, one.unit) for one in (first, second)]
-    return measured.tests_figure([(read.tables[0].path.name, drawn)], *labels)
-
-
-def _two_columns(block: Block) -> list[Column]:
-    """Return the columns of a table that are drawn before it is understood: what looks like strain
-    and stress, else the first ones.
-    """
-    numbers = [one for one in block.columns if one.values.dtype.kind == "f"]
-    found = [
-        next((one for one in numbers if {*one.quantities} & {*SOURCES[group]}), None)
-        for group in ("strain", "stress")
+    # What looks like strain and stress, else the first and the last column.
+    file = read.tables[0]
+    numbers = [one for one in file.blocks[0].columns if one.values.dtype.kind == "f"]
+    chosen = [
+        next((one for one in numbers if {*one.quantities} & {*SOURCES[group]}), numbers[place])
+        for group, place in (("strain", 0), ("stress", -1))
     ]
-    return [one or numbers[-1 if place else 0] for place, one in enumerate(found)]
+    labels = [with_unit(one.heading, one.unit) for one in chosen]
+    drawn = {"not complete": tuple(one.values for one in chosen)}
+    return measured.tests_figure([(file.path.name, drawn)], *labels)
 
 
 def _heading(found: list[Source], read: MechanicalTests) -> str:
     """Return the comment lines of a written table: files with digests, facts, and assumptions."""
-    lines = []
-    for path, stated in found:
-        words = [f"{key} {value}" for key, value in stated.items()]
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        lines.append(f"from {path.name}, sha256 {digest}; stated: {', '.join(words) or 'nothing'}")
+    lines = [
+        f"from {path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()};"
+        f" stated: {_in_words(stated) or 'nothing'}"
+        for path, stated in found
+    ]
     return "".join(f"# {' '.join(line.split())}\n" for line in [*lines, *read.assumed])
