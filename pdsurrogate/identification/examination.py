@@ -191,9 +191,9 @@ def wrong_signs(data: TestData) -> list[str]:
         "is tensile where rubber is in compression",
     )
     found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong).tolist()]
-    return (
-        [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
-    )
+    if len(found) > MOST_ROWS:
+        found[MOST_ROWS:] = [f"and {len(found) - MOST_ROWS} more rows"]
+    return [f"{', '.join(found)}: tension is positive, compression negative"] if found else []
 
 
 def changes_of_volume(data: TestData) -> list[str]:
@@ -223,17 +223,6 @@ def changes_of_volume(data: TestData) -> list[str]:
     ]
 
 
-def _some(found: list[str]) -> list[str]:
-    """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those
-    left out.
-    """
-    return (
-        found
-        if len(found) <= MOST_ROWS
-        else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
-    )
-
-
 def suspicions(data: TestData, over_time: bool = False) -> list[str]:
     """Return remarks on test data that look wrong for any law, or, `over_time`, for any with
     branches.
@@ -257,8 +246,7 @@ def suspicions(data: TestData, over_time: bool = False) -> list[str]:
         if one.size <= min(before / (one.enough or MENDED), 2 * changes[0].size)
     ]
     if explained:
-        best = explained[0].data
-        predicted = explained[0].predicted
+        best, predicted = explained[0].data, explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
     remarks = [f"{mode}: {words}" for mode, words in mended.items()]
     remarks += [
@@ -369,11 +357,8 @@ def _changes(data: TestData, columns: np.ndarray, over_time: bool) -> list[_Chan
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
-            size = (
-                f"{factor:.3g} times too large"
-                if factor > 1
-                else f"{1 / factor:.3g} times too small"
-            )
+            way = "large" if factor > 1 else "small"
+            size = f"{max(factor, 1 / factor):.3g} times too {way}"
             words = f"the stresses look {size} compared with the other modes; check their unit"
             scaled = replace(data, nominal_stress=np.where(rows, stress / factor, stress))
             add(mode, words, scaled, columns)
@@ -408,14 +393,13 @@ def _first_loading(data: TestData) -> np.ndarray:
     nothing, all of them.
     """
     first = np.ones(len(data), dtype=bool)
-    for mode in set(data.modes) - {BIAXIAL}:
+    stretch, untimed = data.stretches[:, 0], np.full(len(data), np.nan)
+    for mode in {*data.modes} - {BIAXIAL}:
         rows = np.flatnonzero(data.mode == mode)
-        stretch = data.stretches[rows, 0]
-        untimed = np.full(len(rows), np.nan)
-        record = records(stretch, untimed)
+        record = records(stretch[rows], untimed[rows])
         for number in range(record[-1] + 1):
             part = rows[record == number]
-            branch, cycle = branches(data.stretches[part, 0], untimed[: len(part)], 0.0)
+            branch, cycle = branches(stretch[part], untimed[part], 0.0)
             first[part] = (branch == "loading") & (cycle == 1)
     return first
 
@@ -478,9 +462,8 @@ def _size(data: TestData, predicted: np.ndarray) -> float:
     """Return the root mean square of the relative residuals of a fit, without the greatest tenth
     of the residuals.
     """
-    kept = np.sort(np.abs(_relative(data, predicted, FLOOR)))[
-        : max(1, int(np.ceil(0.9 * len(data))))
-    ]
+    off = np.sort(np.abs(_relative(data, predicted, FLOOR)))
+    kept = off[: max(1, int(np.ceil(0.9 * len(data))))]
     return max(float(np.sqrt((kept**2).mean())), 1e-6)
 
 

@@ -33,7 +33,6 @@ from pdsurrogate.run.run import Oversubscribed
     ("command", "status", "error"),
     [
         ("run nothing", 2, "unknown scene 'nothing'"),
-        ("run uniaxial --set spacing=-1", 2, "spacing"),
         ("run uniaxial --wizardry", 2, "No such option: --wizardry"),
         ("run", 2, "Missing argument 'SCENE'"),
         ("show nowhere", 2, "not a folder with results of a run"),

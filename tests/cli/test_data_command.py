@@ -164,8 +164,6 @@ def test_several_files_and_a_campaign_are_one_data_set(tmp_path):
         ("bluehill-raw.csv --column force", "column: must have the form QUANTITY=NAME"),
         (f"bluehill-raw.csv {MODE} --area 12", "must be a number with its unit"),
         (f"bluehill-raw.csv {GEOMETRY} --column force=Kraft", "there is no column Kraft"),
-        ("missing.csv", "cannot read test data"),
-        (f"treloar {MODE}", "treloar is complete"),
         (f"tests.toml {MODE}", "write what --mode states into this file"),
         ("wrong.toml", "test.0.guage_length: unknown key; did you mean gauge_length?"),
         ("none.toml", "test: this key is missing"),

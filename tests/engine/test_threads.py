@@ -8,12 +8,11 @@ import numba
 import numpy as np
 import pytest
 from chunk_notes import note_chunks
-from refusals import raising
 
 import pdsurrogate as pds
 from pdsurrogate.engine import threads
 from pdsurrogate.engine.passes import Chain
-from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads_for
+from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, threads_for
 
 USE = """
 import os, sys
@@ -151,8 +150,3 @@ def test_a_process_that_is_forked_after_a_run_on_threads_runs_on_one(tmp_path):
     if two == "True 2 []":
         pytest.skip("numba's threads survive a fork here")
     assert (one, two, again) == ("True 1 []", "True 1 ['ThreadsLostWarning']", "True")
-
-
-def test_a_number_of_threads_that_there_is_not():
-    with raising("threads must be between 1 and"), thread_count(10**6):
-        pass

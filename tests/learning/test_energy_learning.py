@@ -156,11 +156,6 @@ def test_bad_invariants_are_named(fitted, X, message):
         learning.log_invariants(np.array(X))
 
 
-def test_bad_ranges_are_named():
-    with raising("0 < least < 1 < greatest"):
-        pds.training_samples(LAW, 100, (1.2, 3.0), target="sheet-energy")
-
-
 SCENE = {"spacing": 0.1, "stretches": [1.5, 2.0]}
 
 

@@ -449,9 +449,7 @@ def test_isochoric_features_lose_nothing():
         assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
 
 
-@pytest.mark.parametrize(
-    "law", [pds.materials.NeoHookean(), pds.materials.Gent()], ids=["both", "one"]
-)
+@pytest.mark.parametrize("law", [LAW, pds.materials.Gent()], ids=["both", "one"])
 def test_an_output_that_only_rounding_moves_is_not_learned(law):
     """Neo-Hookean rubber has two constant isochoric outputs, Gent's one; scaled to unit variance
     their rounding would be fitted.
@@ -530,11 +528,6 @@ def test_a_law_that_ends_within_the_range_says_so():
             "law must be a material law, such as NeoHookean",
         ),
         (
-            lambda: pds.training_samples("neo-hookean", target="sheet-energy"),
-            TypeError,
-            "law must be a material law",
-        ),
-        (
             lambda: pds.learning.reachable_stretches("neo-hookean"),
             TypeError,
             "law must be a material law",
@@ -545,34 +538,32 @@ def test_a_law_that_ends_within_the_range_says_so():
             "law must be a material law",
         ),
         (
-            lambda: pds.critical_stretch_of(pds.materials.NeoHookean(), "1", 0.1),
+            lambda: pds.critical_stretch_of(LAW, "1", 0.1),
             TypeError,
             "the fracture energy must be a number",
         ),
         (
-            lambda: pds.training_samples(pds.materials.NeoHookean(), 0),
+            lambda: pds.training_samples(LAW, 0),
             ValueError,
             "n_samples must be at least 1, not 0",
         ),
         (
-            lambda: pds.learning.algorithm_1(pds.materials.NeoHookean(), 10.5),
+            lambda: pds.learning.algorithm_1(LAW, 10.5),
             TypeError,
             "n_samples must be a whole number",
         ),
         (
-            lambda: pds.evaluate(pds.surrogate_pipeline(), pds.materials.NeoHookean()),
+            lambda: pds.evaluate(pds.surrogate_pipeline(), LAW),
             ValueError,
             "not fitted",
         ),
         (
-            lambda: pds.evaluate(3, pds.materials.NeoHookean()),
+            lambda: pds.evaluate(3, LAW),
             ValueError,
             "a int is not a model of a bond force",
         ),
         (
-            lambda: pds.evaluate(
-                pds.surrogate_pipeline(target="sheet-energy"), pds.materials.NeoHookean()
-            ),
+            lambda: pds.evaluate(pds.surrogate_pipeline(target="sheet-energy"), LAW),
             ValueError,
             "not fitted",
         ),
@@ -611,13 +602,13 @@ def test_arguments_of_another_kind_are_refused_by_name(call, error, message):
 
 @pytest.mark.parametrize("columns", [1, 4])
 def test_targets_have_their_columns(columns):
-    samples = pds.training_samples(pds.materials.NeoHookean(), 200)
+    samples = pds.training_samples(LAW, 200)
     y = np.tile(samples.y, 2)[:, :columns]
     with raising("y must have the 2 columns t_n, t_tau, not shape"):
         pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(
             samples.X, y
         )
-    energies = pds.training_samples(pds.materials.NeoHookean(), 200, target="sheet-energy")
+    energies = pds.training_samples(LAW, 200, target="sheet-energy")
     with raising("y must have the 3 columns psi"):
         pds.surrogate_pipeline(target="sheet-energy").fit(
             energies.X, np.tile(energies.y, 2)[:, :columns]

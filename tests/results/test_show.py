@@ -63,8 +63,6 @@ def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("show nowhere", "not a folder with results of a run"),
-        ("show {folder} --field wizardry", "the state has no field 'wizardry'"),
         ("show {folder} --field stress", "give one of them, such as stress_22"),
         (
             "show {folder} --level 7",
@@ -75,7 +73,6 @@ def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
             "the state has no field 'wizardry'",
         ),
         ("show {folder} --html x.html --level 0", "leave out --out and --level"),
-        ("scenes uniaxal", "unknown scene 'uniaxal'"),
         ("scenes --plot", "--plot needs a scene"),
         ("scenes uniaxial --plot --set spacing=5", "larger than the body"),
         ("scenes bimaterial --plot --set probes.0.at=9,9", "lies outside the body"),

@@ -297,8 +297,6 @@ def test_groups_of_a_mesh(meshed):
         regions.points(scene.prescribed[0].region, "prescribed.0.region")
     with raising(r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"):
         regions.points(Region(group="xyz"))
-    with raising(r"there is no boundary holes.1; there are holes.0$"):
-        regions.facets("holes.1")
 
 
 @refused("regions")

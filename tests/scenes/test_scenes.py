@@ -228,10 +228,8 @@ def test_scene_files(tmp_path, encoding):
     [
         ("travel = 1.0", "travel = 0.4", "the travel of the two grips must add up to 1"),
         ('edge = "top"', 'edge = "left"', "two opposite edges"),
-        ('edge = "top"', 'edge = "bottom"', "two opposite edges"),
         ("size = [1.0, 1.0]", "size = [1.0]", "body.size"),
         ("[body]", "[bodi]", "unknown key"),
-        ("stretches = 1.2", "", "grips: need stretches or dynamics"),
         ("= 0.1", "= = 0.1", "not valid TOML"),
         ('law = "neo-hookean"', "", "material.law: this key is missing"),
     ],
@@ -245,8 +243,6 @@ def test_bad_scene_files(tmp_path, old, new, message):
 
 
 def test_scenes_that_are_not_there(tmp_path):
-    with raising(r"unknown scene 'uniaxal'; did you mean uniaxial", SceneError):
-        load_scene("uniaxal")
     with raising("unknown scene ''", SceneError):  # "cannot read scene file .: Is a directory"
         load_scene("")
     if os.path.exists("/dev/zero"):
