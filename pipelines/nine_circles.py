@@ -163,14 +163,40 @@ def cantilever(height, spacing, **fracture):
     yield result(height, spacing, summary, math.exp(rate + part * slope[1]))
 
 
+def trousers(leg, spacing):
+    """Legs three points thick, of a width and four times as long as what bends of them, pulled
+    apart out of their plane: G by the mean force once the tear runs (Rivlin and Thomas).
+    """
+    thickness = 3 * spacing
+    bend = thickness * math.sqrt(3 * MU * leg / (6 * ENERGY))  # of a beam that bears G h / 2
+    length = round(4 * bend / spacing) * spacing
+    cut = {"corner": [-1.0, leg, -1.0], "sides": [[1 + length, 0.0, 0.0], [0.0, 0.0, 3.0]]}
+    supports = [{"region": side, "x2": 0.0} for side in SIDES[1]] + [{"region": "right", "x1": 0.0}]
+    regions = {}
+    for name, low, way in (("one", 0.0, 1.0), ("two", leg, -1.0)):  # a row across the end of a leg
+        ends = [[0.0, low, 1.2 * spacing], [0.6 * spacing, low + leg, 1.8 * spacing]]
+        regions[name] = {"box": ends}
+        supports.append({"region": name, "x3": way})
+    steps = [0.8 * length, {"to": length + 14 * spacing, "outputs": 10}]
+    keys = {"precuts": [cut], "regions": regions, "prescribed": supports, "steps": steps}
+    size = [length + 22 * spacing, 2 * leg, thickness]
+    tear = run(size, spacing, fracture=FRACTURE, horizon_ratio=2.2, **keys)
+    rows = [(row["t"], row["force_one_3"]) for row in tear.history]
+    travel, force = np.transpose([row for row in rows if row[0] > length + 5 * spacing])
+    mean = np.trapezoid(force, travel) / np.ptp(travel)
+    found = pds.tearing_energy(LAW, mean, leg, thickness)
+    yield result(leg, spacing, tear.summary, found)
+
+
 GRIFFITH = listed("griffith")
-"""Name, height and spacing of tests of long cuts."""
+"""Name, height (of trousers the width of a leg) and spacing of tests of long cuts."""
 
 
 def griffith(name, *given):
     """A row of a test by its name."""
     keys = {"fracture": {"energy": ENERGY}} if name.endswith("no strength") else {}
-    for row in (pure_shear if name.startswith("pure") else cantilever)(*given, **keys):
+    test = {"pure shear": pure_shear, "trousers": trousers}.get(name.split(",")[0], cantilever)
+    for row in test(*given, **keys):
         yield name, *row
 
 

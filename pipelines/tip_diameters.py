@@ -308,10 +308,17 @@ def told(case):
     )
 
 
-def process(case):
-    """Whether all tears of a case, by `told`, are slow: those in dynamics are from before."""
-    tears = [tear for tear in tears_of("tip-diameters") if told(tear) == case]
-    return "slow" if all("grown" in tear for tear in tears) else "dynamics"
+def process(case, averaged):
+    """How the tears of a case, by `told`, were made, of those that the table averages or of those
+    that judge it: tears in dynamics are from before.
+    """
+    tears = [
+        tear
+        for tear in tears_of("tip-diameters")
+        if told(tear) == case and ("critical" in tear) == averaged
+    ]
+    kinds = {"slow" if "grown" in tear else "dynamics" for tear in tears}
+    return " and ".join(sorted(kinds, reverse=True))
 
 
 def measured():
@@ -377,7 +384,7 @@ def diameters(figures):
                 f"{case[1]}, {case[2]}",
                 f"{case[3]:g}",
                 f"{case[4]:g}",
-                process(case),
+                process(case, averaged=True),
                 *(cells.get(stretch, "-") for stretch in stretches),
             ]
         )
@@ -486,7 +493,7 @@ def peaks(figures):
         family, plane, arrangement, ratio, _ = case
         own = [entry for entry in entries if case_of(entry) == case]
         yield (
-            *(family, f"{plane}, {arrangement}", ratio),
+            *(family, f"{plane}, {arrangement}", ratio, process(case, averaged=False) or None),
             *(len(ratios["along"]) or None, span(ratios["along"]), averaged(own, ratios["clouds"])),
             *(span(ratios["turned"]), span(ratios["notched"])),
             averaged(own, ratios["directions"]),
