@@ -53,12 +53,13 @@ class Cracks:
 
     def bonds_of_failed_points(self) -> np.ndarray:
         """Return the numbers of the intact pairs of points that have lost bonds and whose
-        deformation gradient has collapsed.
+        deformation gradient has collapsed, or that have swung through a clamp.
 
         At a crack front or on a fragment a point may have so few bonds left that their deformation
         gradient is meaningless. If it turns the point inside out, or compresses it to a tenth of
         its area or volume (`LEAST_RATIO`), all bonds of the point break, also if its image beyond
-        a grip is turned inside out. For a point with all its bonds det F <= 0 is an error.
+        a grip is turned inside out, or if it swings through the plane that bonds join it to. For a
+        point with all its bonds det F <= 0 is an error.
         """
         run = self.run
         bonds = run.body.bonds
@@ -69,6 +70,11 @@ class Cracks:
         ratios = determinant(run.force.deformation_gradients()[self._torn])
         turned = ~(determinant(run.force.deformation_gradients(images=True)[self._torn_images]) > 0)
         collapsed = self._torn[~(ratios > LEAST_RATIO)]
+        if len(self._torn_images):
+            swung = run.loading.swung_through(
+                run.state.parameter, run.positions, self._torn, self.damage.broken
+            )
+            collapsed = np.union1d(collapsed, swung)
         crushed = run.force.collapsed_pairs()
         if not share.any(len(collapsed) or turned.any() or len(crushed)):
             return collapsed

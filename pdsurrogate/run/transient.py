@@ -92,6 +92,7 @@ class Transient:
         self._cracks = (
             None if run.damage is None else RunningCracks(run, self.integrator, self.account)
         )
+        self._passed: set[str] = set()
         self._quick = None
         if can_run(run.loaded, run.loading) and run.problem.strengths is None:
             search = None if run.damage is None else run.damage.search
@@ -161,9 +162,10 @@ class Transient:
                 self.step()
                 on_row = integrator.steps % STEPS_PER_ROW == 0
                 if on_row:
-                    run.loading.check_inside(run.state.parameter, run.force, run.positions)
+                    self._check_inside()
             except InvalidState as error:
                 if self.save_last_state():
+                    self._say(f"{error}; the body had separated, and the run ends there")
                     break
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
             integrator.accept()
@@ -192,6 +194,23 @@ class Transient:
         if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
             warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
         return True
+
+    def _check_inside(self) -> None:
+        """Check that no point has crossed a plane or entered an obstacle; what has been torn off
+        a plane may cross it, which is said once.
+        """
+        run = self.run
+        broken = None if run.damage is None else run.damage.broken
+        passed = run.loading.check_inside(run.state.parameter, run.force, run.positions, broken)
+        if new := set(passed) - self._passed:
+            self._passed |= new
+            names = " and the ".join(sorted(new))
+            self._say(f"a piece torn off the {names} passes it: contact is not computed")
+
+    def _say(self, what: str) -> None:
+        """Warn of an event at the present time."""
+        if self.run.ranks.rank == 0:
+            warnings.warn(f"time {self.account.time:.4g}: {what}", stacklevel=5)
 
     def _time_due(self, outputs: int) -> float:
         """Return the time, since the stage began, at which an output is due after `outputs`
@@ -230,7 +249,8 @@ class Transient:
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
                 self._apply()
-                run.loading.check_inside(run.state.parameter, run.force, run.positions)
+                if self._cracks is None or not self._cracks.separated():
+                    self._check_inside()
                 integrator.evaluate_at_rest()
                 through = self.output()
                 self._books.check()

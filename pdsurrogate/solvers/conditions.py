@@ -262,9 +262,16 @@ class Loading:
             found = [np.array([self._share.greatest(one)]) for one in found]
         return found
 
-    def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
+    def check_inside(
+        self,
+        parameter: float,
+        force: InternalForce,
+        positions: np.ndarray,
+        broken: np.ndarray | None = None,
+    ) -> list[str]:
         """Check that no point has crossed a reflection plane to the side of its own image, and that
-        none lies deep in an obstacle.
+        none lies deep in an obstacle; return the names of planes that pieces torn off them have
+        crossed, where bonds have `broken` (flags, shape (bonds,)); contact there is not computed.
 
         Points whose bonds do not determine a deformation gradient (False in `force.supported`) are
         not checked.
@@ -289,27 +296,19 @@ class Loading:
             self.body.share.agree(error)
             obstacle.check_barred(positions)
         supported = force.supported
-        motions = self.plane_motions(parameter)
-        ghosts = self.body.ghosts
-        for number, (name, plane, motion) in enumerate(
-            zip(self.planes, self.body.planes, motions, strict=True)
-        ):
-            # In the frame in which the plane has not moved.
-            back = positions - motion[:, -1]
-            if number in self.turning:
-                back = np.linalg.solve(np.eye(self.body.dimension) + motion[:, :-1], back.T).T
-            reflects = plane.axis is not None or np.isin(
-                np.arange(len(back)), ghosts.source[ghosts.plane == number]
-            )
-            beyond = np.where(supported & reflects, -plane.mirrored(back)[1], 0.0)
-            for obstacle in (
-                self.loads.obstacles
-            ):  # it pushes back a point that has entered it as far as it has crossed the plane
-                beyond[beyond <= ON_A_PLANE * self.body.spacing - obstacle.gaps(positions)[0]] = 0.0
+        passed = []
+        for number, name in enumerate(self.planes):
+            plane, motion = self.body.planes[number], self.plane_motions(parameter)[number]
+            beyond = supported * self._beyond(number, motion, positions, np.arange(len(positions)))
             self._check_held(name, plane, motion)
+            if broken is not None and self._share.any(bool((beyond > 0).any())):
+                off = self._torn_off(number, broken)
+                if self._share.any(bool((beyond[off] > 0).any())):
+                    passed.append(name)
+                beyond[off] = 0.0
             worst = int(beyond.argmax())
             error = None
-            if beyond[worst] > ON_A_PLANE * self.body.spacing:
+            if beyond[worst] > 0:
                 what = (
                     f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 )
@@ -319,6 +318,60 @@ class Loading:
                     what += "; the body bulges over what it is bonded to, and would lie against it"
                 error = kind(at_point(self.body, worst, what))
             self.body.share.agree(error)
+        return passed
+
+    def _beyond(
+        self, number: int, motion: np.ndarray, positions: np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Return how far `points` (k,) lie beyond a plane that has moved, 0 for others, shape
+        (k,).
+        """
+        plane, ghosts = self.body.planes[number], self.body.ghosts
+        places = positions[points]
+        # In the frame in which the plane has not moved.
+        back = places - motion[:, -1]
+        if number in self.turning:
+            back = np.linalg.solve(np.eye(self.body.dimension) + motion[:, :-1], back.T).T
+        beyond = -plane.mirrored(back)[1]
+        beyond[beyond <= ON_A_PLANE * self.body.spacing] = 0.0
+        if plane.axis is None:
+            beyond[~np.isin(points, ghosts.source[ghosts.plane == number])] = 0.0
+        # An obstacle pushes back a point that has entered it as far as it has crossed the plane.
+        for obstacle in self.loads.obstacles:
+            beyond[beyond <= ON_A_PLANE * self.body.spacing - obstacle.gaps(places)[0]] = 0.0
+        return beyond
+
+    def _joined_to(self, plane: int, intact: np.ndarray) -> np.ndarray:
+        """Return the points that intact bonds join to images beyond a plane."""
+        bonds, ghosts = self.body.bonds, self.body.ghosts
+        outer = np.flatnonzero(intact & (bonds.second >= len(self.body)))
+        return bonds.first[outer[ghosts.plane[bonds.second[outer] - len(self.body)] == plane]]
+
+    def _torn_off(self, plane: int, broken: np.ndarray) -> np.ndarray:
+        """Return flags of the points that nothing joins to a plane: those of pieces that no intact
+        bond joins to images beyond it, and torn ones that have no such bond themselves.
+        """
+        bonds = self.body.bonds
+        joined = self._joined_to(plane, ~broken)
+        _, piece = self.pieces(~broken)
+        held = np.concatenate(self._share.everywhere(np.unique(piece[joined])))
+        torn = np.zeros(len(self.body.all_points), dtype=bool)
+        torn[bonds.first[broken]] = torn[bonds.second[broken]] = True
+        torn[joined] = False
+        return ~np.isin(piece, held) | torn[: len(self.body)]
+
+    def swung_through(
+        self, parameter: float, positions: np.ndarray, torn: np.ndarray, broken: np.ndarray
+    ) -> np.ndarray:
+        """Return the numbers of those `torn` points, which have lost bonds, that lie beyond a plane
+        to which others of their bonds join them.
+        """
+        found = [np.empty(0, dtype=np.int64)]
+        for number, motion in enumerate(self.plane_motions(parameter)):
+            crossed = torn[self._beyond(number, motion, positions, torn) > 0]
+            if len(crossed):
+                found.append(np.intersect1d(crossed, self._joined_to(number, ~broken)))
+        return np.unique(np.concatenate(found))
 
     def _check_held(self, name: str, plane: Mirror, motion: np.ndarray) -> None:
         """Raise Obstructed if an obstacle has entered the part of the boundary that a bonded

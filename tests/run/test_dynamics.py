@@ -378,7 +378,7 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
         monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
         # A point is turned inside out before half as much again has been gained.
         monkeypatch.setattr(account, "MOST_ENERGY", 1.02)
-    monkeypatch.setattr(Loading, "check_inside", lambda *state: None)
+    monkeypatch.setattr(Loading, "check_inside", lambda *state: [])
     message = {"inversion": "time .*:", "energy": "the motion is unstable"}[check]
     with raising(message, pds.SimulationFailed) as caught:
         simulate(pds.load_scene("tear", UNDAMPED), "ba-nosb", folder=tmp_path)

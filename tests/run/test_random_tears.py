@@ -8,6 +8,7 @@ from runs import started
 from scipy import stats
 
 import pdsurrogate as pds
+from pdsurrogate.forces import InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous
 from pdsurrogate.materials.tearing import stretch_at
 from pdsurrogate.problem.random_strength import strength_factors
@@ -119,14 +120,37 @@ def test_a_plane_holds_only_what_bonds_join_to_images_in_it():
     assert all(len(one) for one in run.loading.ends())
 
 
-@pytest.mark.parametrize("timed", [False, True])
+def test_what_is_torn_off_a_clamp_may_pass_it():
+    """A single strand that swings through its clamp loses its bonds."""
+    run = started(scene({}))
+    bonds, points = run.body.bonds, run.body.points
+    loading, low = run.loading, run.positions - [0.0, 1.0]
+    with pytest.raises(InvalidState, match="beyond the bottom edge"):
+        loading.check_inside(1.0, run.force, low)
+    broken = (bonds.second >= len(points)) & (points[bonds.first, 1] < 0.75)
+    assert loading.check_inside(1.0, run.force, low, broken) == ["bottom edge"]
+    assert not loading.check_inside(1.0, run.force, run.positions, broken)
+    torn = np.unique(bonds.first[broken])
+    assert not len(loading.swung_through(1.0, low, torn, broken))
+    last = np.flatnonzero(broken)[0]
+    broken[last] = False
+    assert loading.swung_through(1.0, low, torn, broken) == bonds.first[last]
+    with pytest.raises(InvalidState):
+        loading.check_inside(1.0, run.force, low, broken)
+
+
+@pytest.mark.parametrize(
+    "timed", [None, {"damping": 1.0}, {}], ids=["slowly", "damped", "undamped"]
+)
 def test_a_sheet_torn_off_a_clamp_is_through(timed):
-    """The weakest square lies at the lower clamp, whose points keep no bond to it."""
+    """The weakest square lies at the lower clamp, whose points keep no bond to it. Undamped, a
+    strand swings through the clamp, which ended the run.
+    """
     scatter = {"modulus": 10.0, "length": 0.5, "specimen": [2.0, 3.0], "seed": 2}
     program = (
-        {"dynamics": {"stretch": 3.5, "stretch_rate": 0.1, "density": 1.0, "damping": 1.0}}
-        if timed
-        else {"dynamics": None, "stretches": [3.5]}
+        {"dynamics": None, "stretches": [3.5]}
+        if timed is None
+        else {"dynamics": {"stretch": 3.5, "stretch_rate": 0.1, "density": 1.0, **timed}}
     )
     given = scene(
         {},
