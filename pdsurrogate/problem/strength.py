@@ -112,6 +112,9 @@ class Strengths:
     zones : list of Zone
     works : ndarray, shape (n,)
         Work at break of every point's own material, infinite where it has no strength.
+    limits : ndarray, shape (n_pairs,)
+        Stretch at break in uniaxial tension of the material of a pair, the mean of those of its two
+        ends; infinite if an end has none, and 1 across an interface that has its own entry.
     least_trace : float
         Least tr C of a state of a sheet under plane stress that is not pressed together, det F >=
         1, and has the work at break of a zone.
@@ -138,6 +141,7 @@ class Strengths:
         self.works = np.full(len(body), np.inf)
         self._plane = scene.plane
         self._zone_of = np.full(len(body), -1)
+        of_laws = np.full(len(laws), np.inf)
         self.zones = list[Zone]()
         clamped = clamped_distances(body, loading)
         ends = np.sort(ends_of_pairs(body, of_points))
@@ -174,6 +178,7 @@ class Strengths:
                 (within, ~across, True),
             )
             self.works[within] = zone.work
+            of_laws[number] = zone.stretch
             self._zone_of[within] = len(self.zones) - 1
             if given.strength.scatter is not None:
                 least = np.full(len(body), zone.work)
@@ -184,6 +189,7 @@ class Strengths:
                 except ValueError as error:
                     raise ValueError(f"{key}.strength.scatter: {error}") from None
                 self.zones[-1] = replace(zone, least=least / zone.work)
+        self.limits = np.where(across, 1.0, of_laws[ends].mean(axis=1))
         self._check_reach(body, clamped)
         self.least_trace = (
             min(

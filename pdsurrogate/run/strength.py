@@ -283,8 +283,9 @@ class StrongDamage(Damage):
         return self._shares[key]
 
     def _most_stretched(self, zone: Zone, center: np.ndarray, positions: np.ndarray) -> np.ndarray:
-        """Return the numbers of the most stretched intact pair of a disc and of its images on this
-        rank; of equal ones it is the nearest to the center.
+        """Return the numbers of the pair of a disc, and of its images, on this rank whose stretch
+        is the greatest part of the stretch at break of its material; of equal ones it is the
+        nearest to the center.
         """
         body = self.body
         share = body.share
@@ -293,14 +294,15 @@ class StrongDamage(Damage):
         reach = zone.radius + body.horizon / 2
         members = self._own[self._tree.query_ball_point(center, reach, return_sorted=True)]
         pairs = np.unique(bonds.pair_of[entries_of(bonds.pointers, members)])
-        pairs = pairs[zone.pairs[pairs] & ~self.broken[pairs]]
+        limits = self._strengths.limits
+        pairs = pairs[zone.pairs[pairs] & ~self.broken[pairs] & np.isfinite(limits[pairs])]
         first = bonds.first[pairs]
         second = bonds.second[pairs]
         away = lengths_of((points[first] + points[second]) / 2 - center)
         within = away <= zone.radius
         pairs, first, second, away = (rows[within] for rows in (pairs, first, second, away))
         length = lengths_of(points[second] - points[first])
-        stretch = lengths_of(positions[second] - positions[first]) / length
+        stretch = lengths_of(positions[second] - positions[first]) / length / limits[pairs]
         numbers = self._rows.numbers[pairs]
         own = share.own[first]
         sources = np.concatenate([share.numbers, share.numbers[body.ghosts.source]])

@@ -400,16 +400,41 @@ def test_a_slow_tear_without_a_cut_begins_in_one_disc_at_the_strength():
     assert summary["strength"][0]["radius_in_spacings"] > 1.5
 
 
-def failing_in_equilibrium(stretch, fracture=SHEET["fracture"], **changes):
-    """What breaks in the equilibrium of the elastic sheet at a stretch."""
+def in_equilibrium(stretch, fracture=SHEET["fracture"], **changes):
+    """The elastic sheet in equilibrium at a stretch."""
     data = {key: value for key, value in SHEET.items() if key not in ("dynamics", "fracture")}
     data |= {"stretches": [stretch], **changes}
-    elastic = pds.simulate(pds.Scene.model_validate(data), "bond-energy", threads=1)
     run = started(pds.Scene.model_validate(data | {"fracture": fracture}))
-    run.positions[:] = run.body.points + elastic.displacement()
+    parts = [{**part, "fracture": None} for part in data.get("materials", [])]
+    elastic = pds.Scene.model_validate(data | {"materials": parts})
+    found = pds.simulate(elastic, "bond-energy", threads=1)
+    run.positions[:] = run.body.points + found.displacement()
     run.loading.apply(stretch, run.force, run.positions)
     run.force.place(run.positions)
+    return run
+
+
+def failing_in_equilibrium(*args, **changes):
+    """What breaks in the equilibrium of the elastic sheet at a stretch."""
+    run = in_equilibrium(*args, **changes)
     return run.damage.failing(run.force)
+
+
+@pytest.mark.parametrize("of_rest", [{}, {"strength": {"stretch": 5.0}}])
+def test_strength_breaks_the_material_that_has_reached_it(of_rest):
+    """A stiff, weak half in series with a soft, strong one, whose bonds are stretched more: discs
+    around points of the weak half reach across the interface.
+    """
+    stiff = {**RUBBER, "shear_modulus": 2.0, "bulk_modulus": 40.0}
+    weak = {"energy": WORK / 3, "strength": {"stretch": 2.0}}
+    parts = [{"region": "upper", "material": stiff, "fracture": weak}]
+    two = {"regions": TWO["regions"], "materials": parts}
+    run = in_equilibrium(3.0, {"energy": 2 * WORK, **of_rest}, **two)
+    body = run.body
+    found = run.damage.failing(run.force)
+    torn = found.pairs[found.by_strength]
+    assert len(torn) > 0
+    assert body.all_points[[body.bonds.first[torn], body.bonds.second[torn]], 1].min() > 0.7
 
 
 def test_pure_shear_between_clamps_breaks_at_the_strength_away_from_them():
