@@ -500,6 +500,46 @@ def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out
     _put_record(builder, [builder.fadd(*halves)], out, point, 4)
 
 
+def _repeated(builder, vectors, position):
+    """Return the three components of vector number `position` in space, each as a vector of four
+    doubles.
+    """
+    place = _element(builder, vectors, position, 3)
+    components = [builder.load(_element(builder, place, _constant(r))) for r in range(3)]
+    return [_as_real(builder, _vector(builder, [one] * 4), _DOUBLE) for one in components]
+
+
+@writes
+def sum_outer_products_in_space(builder, positions, neighbors, weights, bonds, point, out):
+    """Do what `sum_outer_products` does in the plane. A plain loop takes 1.4 (float64)
+    times as long.
+    """
+    *bonds, shift = _with_shift(builder, bonds)
+
+    def position_of(number):
+        """Load a position; the fourth component is not used."""
+        plane, last = _record(builder, positions, number, 3)
+        return _shuffle(builder, plane, _shuffle(builder, last, last, [0, 0]), [0, 1, 2, 3])
+
+    own = position_of(point)
+
+    def add(accumulators, position):
+        place = builder.add(position, shift)
+        ahead = builder.add(place, _constant(AHEAD))
+        _fetch(builder, weights, builder.mul(ahead, _constant(3)), 3)
+        difference = builder.fsub(position_of(_listed(builder, neighbors, position)), own)
+        for accumulator, factor in zip(
+            accumulators, _repeated(builder, weights, place), strict=True
+        ):
+            _add(builder, builder.fmul(difference, factor, flags=_CONTRACT), accumulator)
+
+    columns = _accumulate(builder, bonds, add, [4, 4, 4], chains=2)
+    place = _element(builder, out, point, 9)
+    for number, column in enumerate(columns):
+        parts = [_shuffle(builder, column, column, lanes) for lanes in ([0, 1], [2])]
+        _put_record(builder, parts, place, _constant(number), 3)
+
+
 @writes
 def outer_products(builder, positions, neighbors, weights, bonds, point, out):
     """Write ``out[b - start] = (positions[neighbors[b]] - positions[point]) (x) weights[b]`` for b
@@ -561,12 +601,7 @@ def sum_matrix_products(dimension):
             if dimension == 2:
                 factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
                 return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]
-            place = _element(builder, vectors, position, 3)
-            components = [builder.load(_element(builder, place, _constant(r))) for r in range(3)]
-            return [
-                _as_real(builder, _vector(builder, [component] * 4), _DOUBLE)
-                for component in components
-            ]
+            return _repeated(builder, vectors, position)
 
         own = columns(point)
         *bonds, shift = _with_shift(builder, bonds)

@@ -19,7 +19,6 @@ import numpy as np  # noqa: F401 - read by expressions
 from ..engine import vector_loads
 from ..engine.block_arrays import put_row, rows_of
 from ..engine.compile import inlined
-from ..engine.vector_loads import AHEAD
 from .elementary import like  # noqa: F401 - read by expressions
 
 
@@ -251,8 +250,6 @@ def _space(algebra):
         ],
     )
 
-    fetch = vector_loads.fetch(3)
-
     @inlined
     def response_state(F, volume_ratio):
         """Return the state on which the response of a law depends in three dimensions: tr C, tr cof
@@ -289,27 +286,9 @@ def _space(algebra):
             P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F)))
         )
 
-    @inlined
-    def sum_outer_products(positions, neighbors, weights, bonds, point, out):
-        """Write ``out[point] = sum of (positions[neighbors[b]] - positions[point]) (x)
-        weights[b]``, by columns, over the bonds b.
-
-        `bonds` are the start and the (excluded) stop of the range of b, and the place of the first
-        weight.
-        `vector_loads.sum_outer_products` does this for two dimensions.
-        """
-        own = algebra.vector_at(positions, point)
-        summed = algebra.no_matrix()
-        for b in range(bonds[0], bonds[1]):
-            place = b - bonds[0] + bonds[2]
-            fetch(weights, 3 * (place + AHEAD))
-            x = algebra.minus(algebra.vector_at(positions, neighbors[b]), own)
-            summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, place))
-        algebra.put(out, point, summed)
-
     return {
         "response_state": response_state,
         "stress_by_trace": stress_by_trace,
         "first_piola": first_piola,
-        "sum_outer_products": sum_outer_products,
+        "sum_outer_products": vector_loads.sum_outer_products_in_space,
     }
