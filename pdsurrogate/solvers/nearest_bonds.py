@@ -175,6 +175,8 @@ class NearestBonds:
         Whether bonds up to `WIDE_REACH` have springs.
     coupled : bool
         Whether the displacements of a component cause forces on others.
+    unit_stiffness : ndarray, shape (k,)
+        Stiffness of the springs for `along` and `across` of 1.
     body
     """
 
@@ -222,22 +224,22 @@ class NearestBonds:
             moments += moment.sum(), moment[near].sum()
             ends = first[near], second[near], owners[second[near]]
             kept.append((*ends, stiffness[near], vector[near] / length[near, None]))
-        self.first, self.second, self.sources, self._stiffness, self._along = map(
+        self.first, self.second, self.sources, self.unit_stiffness, self._along = map(
             np.concatenate, zip(*kept, strict=True)
         )
         of_all, of_near = share.total(moments)
-        self._stiffness *= of_all / of_near
+        self.unit_stiffness *= of_all / of_near
         self._factors = across, along - across
 
     @property
     def _across(self) -> np.ndarray:
         """Stiffness of the springs across their bonds, shape (k,)."""
-        return self._factors[0] * self._stiffness
+        return self._factors[0] * self.unit_stiffness
 
     @property
     def _excess(self) -> np.ndarray:
         """Excess of the stiffness of the springs along their bonds over that across, shape (k,)."""
-        return self._factors[1] * self._stiffness
+        return self._factors[1] * self.unit_stiffness
 
     def on_axis(self, axis: int) -> Iterator[tuple[np.ndarray, ...]]:
         """Yield `first`, `second` and `sources` of the springs, part by part, with their
@@ -250,7 +252,7 @@ class NearestBonds:
             part = slice(start, start + SLAB)
             second = self.second[part]
             stiffness = across + excess * self._along[part, axis] ** 2
-            stiffness *= self._stiffness[part]
+            stiffness *= self.unit_stiffness[part]
             yield self.first[part], second, self.sources[part], stiffness, signs[second]
 
     @property
@@ -265,7 +267,7 @@ class NearestBonds:
         """Return the network of the springs with an end at one of the `points`, flags (n,)."""
         found = copy(self)
         near = points[self.first] | points[self.sources]
-        for name in ("first", "second", "sources", "_stiffness", "_along"):
+        for name in ("first", "second", "sources", "unit_stiffness", "_along"):
             setattr(found, name, getattr(self, name)[near])
         return found
 
@@ -284,7 +286,7 @@ class NearestBonds:
         bonds are `broken`.
         """
         found = copy(self)
-        found._stiffness = np.where(broken, left * self._stiffness, self._stiffness)
+        found.unit_stiffness = np.where(broken, left * self.unit_stiffness, self.unit_stiffness)
         return found
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
