@@ -88,25 +88,30 @@ class Bonds:
 
     @cached_property
     def neighbors(self) -> np.ndarray:
-        return self._at_points(*self.ends)
+        return self.neighbors_of(np.arange(len(self.pointers) - 1))
 
     @cached_property
     def pair_of(self) -> np.ndarray:
         pairs = np.arange(self.n_pairs, dtype=np.uint32)
-        return self._at_points(pairs, pairs)
+        return self._at_points(np.arange(len(self.pointers) - 1), pairs, pairs)
+
+    def neighbors_of(self, points: np.ndarray) -> np.ndarray:
+        """Return the neighbors of some points, those of one after the other."""
+        return self._at_points(points, *self.ends)
 
     @property
     def n_directed(self) -> int:
         return 2 * int(self.pairs_of_points[1][len(self.pointers) - 1])
 
-    def _at_points(self, backward: np.ndarray, forward: np.ndarray) -> np.ndarray:
-        """Return a value for each directed bond: that of its pair in `forward`, or in `backward`
-        where it begins at the second end.
+    def _at_points(
+        self, points: np.ndarray, backward: np.ndarray, forward: np.ndarray
+    ) -> np.ndarray:
+        """Return a value for each directed bond of some points: that of its pair in `forward`, or
+        in `backward` where it begins at the second end.
         """
-        own, others, incidence = self.pairs_of_points
-        n = len(self.pointers)
-        found = np.empty(int(self.pointers[-1]), dtype=np.uint32)
-        list_ends(own[:n], others[:n], incidence, backward, forward, found)
+        count = (self.pointers[points + 1] - self.pointers[points]).sum()
+        found = np.empty(int(count), dtype=np.uint32)
+        list_ends(points, *self.pairs_of_points, backward, forward, found)
         return found
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:

@@ -35,6 +35,9 @@ def _around(corners: int) -> tuple[tuple[int, int], ...]:
     return tuple((corner, (corner + 1) % corners) for corner in range(corners))
 
 
+SLAB = 2**16
+"""Number of cells whose nodes are moved together."""
+
 TORN = 0.5
 """Relative distance between the two positions that neighboring cells predict for their common side,
 above which the side is drawn as open. The distance is divided by the length from one cell through
@@ -215,20 +218,23 @@ class CellMesh:
         mean over its cells. `points` and `displacement` have shape (n, d), and the deformation
         gradients `gradients` shape (n, d, d).
         """
-        counts = np.bincount(self._entries, minlength=len(self.nodes))
+        counts = np.zeros(len(self.nodes), dtype=np.int32)
         total = np.zeros_like(self.nodes)
         begin = 0
-        changes = gradients - np.eye(self.dimension)
         for block in self.blocks:
-            own = slice(begin, begin + len(block))
-            for corner in block.T:
-                said = displacement[own] + np.einsum(
-                    "nij,nj->ni", changes[own], self.nodes[corner] - points[own]
-                )
-                for axis in range(self.dimension):
-                    total[:, axis] += np.bincount(corner, said[:, axis], len(self.nodes))
-            begin += len(block)
-        return total / np.maximum(counts, 1)[:, None]
+            for corners in np.split(block, range(SLAB, len(block), SLAB)):
+                own = slice(begin, begin + len(corners))
+                changes = gradients[own] - np.eye(self.dimension)
+                for corner in corners.T:
+                    said = displacement[own] + np.einsum(
+                        "nij,nj->ni", changes, self.nodes[corner] - points[own]
+                    )
+                    np.add.at(counts, corner, 1)
+                    for column, values in zip(total.T, said.T, strict=True):
+                        np.add.at(column, corner, values)
+                begin += len(corners)
+        total /= np.maximum(counts, 1)[:, None]
+        return total
 
     def torn(
         self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray, parted: Callable

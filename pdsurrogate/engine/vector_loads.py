@@ -57,6 +57,13 @@ def _listed(builder, indices, position):
     return builder.zext(builder.load(_element(builder, indices, position)), _INDEX)
 
 
+def _end_of(builder, point, ways, place):
+    """Return the number of the point to which the entry of `ways` (modulo 2^32) at a place leads
+    from a point.
+    """
+    return builder.add(point, builder.sext(builder.load(_element(builder, ways, place)), _INDEX))
+
+
 def _load(builder, address, count):
     scalar = address.type.pointee
     value = builder.load(builder.bitcast(address, ir.VectorType(scalar, count).as_pointer()))
@@ -463,15 +470,14 @@ def subtract_positions(dimension):
 
 
 @writes
-def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out):
-    """Write ``out[point] = sum over b in bonds of (positions[neighbors[b]] - positions[point]) (x)
-    weights[b]``, by columns.
+def sum_outer_products(builder, positions, ways, weights, bonds, point, out):
+    """Write ``out[point] = sum over b in bonds of (positions[point + ways[b]] - positions[point])
+    (x) weights[b]``, by columns.
 
-    `bonds` are start, stop and the place of the first weight; positions and weights are in the
-    plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
+    `bonds` are start and stop; `ways` are modulo 2^32, positions and weights in the plane. A plain
+    loop takes 2.4 (float32) or 2.2 (float64) times as long.
     """
     own = _one_or_two(builder, positions, [point, point])
-    *bonds, shift = _with_shift(builder, bonds)
 
     def add(accumulators, *places):
         """Add one bond, or two at once if two `places` in the list of bonds are given, to both
@@ -481,9 +487,8 @@ def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out
         second that times the second component.
         """
         ends = _one_or_two(
-            builder, positions, [_listed(builder, neighbors, place) for place in places]
+            builder, positions, [_end_of(builder, point, ways, place) for place in places]
         )
-        places = [builder.add(place, shift) for place in places]
         factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
         differences = builder.fsub(ends, own)
         for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
@@ -510,11 +515,10 @@ def _repeated(builder, vectors, position):
 
 
 @writes
-def sum_outer_products_in_space(builder, positions, neighbors, weights, bonds, point, out):
+def sum_outer_products_in_space(builder, positions, ways, weights, bonds, point, out):
     """Do what `sum_outer_products` does in the plane. A plain loop takes 1.4 (float64)
     times as long.
     """
-    *bonds, shift = _with_shift(builder, bonds)
 
     def position_of(number):
         """Load a position; the fourth component is not used."""
@@ -524,12 +528,11 @@ def sum_outer_products_in_space(builder, positions, neighbors, weights, bonds, p
     own = position_of(point)
 
     def add(accumulators, position):
-        place = builder.add(position, shift)
-        ahead = builder.add(place, _constant(AHEAD))
+        ahead = builder.add(position, _constant(AHEAD))
         _fetch(builder, weights, builder.mul(ahead, _constant(3)), 3)
-        difference = builder.fsub(position_of(_listed(builder, neighbors, position)), own)
+        difference = builder.fsub(position_of(_end_of(builder, point, ways, position)), own)
         for accumulator, factor in zip(
-            accumulators, _repeated(builder, weights, place), strict=True
+            accumulators, _repeated(builder, weights, position), strict=True
         ):
             _add(builder, builder.fmul(difference, factor, flags=_CONTRACT), accumulator)
 

@@ -129,7 +129,8 @@ class BondShares:
         kinematics = self._kinematics
         body = self._body
         bonds = self._body.bonds
-        pointers, numbers, vectors = bonds_of_rows(body, rows)
+        pointers, vectors = bonds_of_rows(body, rows)
+        numbers = entries_of(bonds.pointers, rows)
         strength = self.strength[bonds.pair_of[numbers]]
         strength *= kinematics.supported[bonds.neighbors[numbers]]
         strength *= np.repeat(kinematics.supported[rows], np.diff(pointers).astype(np.int64))

@@ -57,6 +57,8 @@ class Kinematics:
         itself if bonds are `alone`.
     starts : ndarray of uint64, shape (n,)
         Place in `weighted_bonds` at which the bonds of each point begin.
+    ways : ndarray of uint32, shape (k,)
+        Numbers of the second ends of these bonds minus those of their points, modulo 2^32.
     weighted_bonds : ndarray, shape (k, d)
         w x V_j of the directed bonds of points that are not alike, with the weight w, the reference
         vector x and the volume V_j of the second end; zero if broken.
@@ -140,8 +142,10 @@ class Kinematics:
         total = len(body.all_points)
         self.alike = alike
         rows, self.starts = stored_lists(bonds.pointers, alike)
-        _, numbers, vectors = bonds_of_rows(body, rows)
-        factors = body.weigh(lengths_of(vectors)) * body.all_volumes[bonds.neighbors[numbers]]
+        _, vectors = bonds_of_rows(body, rows)
+        ends = bonds.neighbors_of(rows)
+        self.ways = ends - np.repeat(rows, np.diff(bonds.pointers)[rows].astype(np.int64))
+        factors = body.weigh(lengths_of(vectors)) * body.all_volumes[ends]
         self.weighted_bonds = aligned_rows(vectors.shape, precision)
         self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
@@ -163,7 +167,7 @@ class Kinematics:
         alike.
         """
         blocks = np.arange(len(self.body.bonds.ends_in_blocks(BLOCK)[0]) // BLOCK)
-        if len(self.weighted_bonds) == len(self.body.bonds.neighbors):
+        if len(self.weighted_bonds) == self.body.bonds.pointers[-1]:
             return blocks.astype(np.uint32)
         found = alike_blocks(self.body, self.alike, BLOCK)
         return stored_lists(np.append(blocks, len(blocks)), found)[1].astype(np.uint32)
@@ -279,7 +283,7 @@ class Kinematics:
         for gradients, 0 for changes.
         """
         bonds = self.body.bonds
-        arrays = bonds.pointers, bonds.neighbors, self.starts, self.weighted_bonds
+        arrays = bonds.pointers, self.starts, self.ways, self.weighted_bonds
         given = positions, *arrays, self.inverse_shape, unsupported, gradients
         form = self.bind(deformation_gradients[self.body.dimension], *given)
         return [
@@ -425,22 +429,21 @@ def find_shapes(
     `images` are the ghosts of points that change, by default all; those of halo points that other
     ranks change are among them.
     """
-    pointers, _, vectors = bonds_of_rows(body, rows)
+    pointers, vectors = bonds_of_rows(body, rows)
     of_bonds = pointers, vectors, starts[rows], weighted_bonds
     shape_rows[body.dimension](rows, *of_bonds, inverse_shape, supported)
     body.ghosts.fill_shapes(inverse_shape, images)
     body.ghosts.fill(supported)
 
 
-def bonds_of_rows(body: Body, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the index at which the directed bonds of each of the points `rows` begin in two
-    further arrays: the numbers of these bonds, and their undeformed vectors.
+def bonds_of_rows(body: Body, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the undeformed vectors of the directed bonds of the points `rows`, and before them
+    the index at which those of each point begin.
     """
     bonds = body.bonds
     counts = (bonds.pointers[rows + 1] - bonds.pointers[rows]).astype(np.int64)
-    numbers = entries_of(bonds.pointers, rows)
-    vectors = vectors_between(body, np.repeat(rows, counts), bonds.neighbors[numbers])
-    return np.append(0, np.cumsum(counts)).astype(np.uint64), numbers, vectors
+    vectors = vectors_between(body, np.repeat(rows, counts), bonds.neighbors_of(rows))
+    return np.append(0, np.cumsum(counts)).astype(np.uint64), vectors
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -83,7 +83,7 @@ class Kept:
         sizes = {
             "points": len(body),
             "images": len(body.all_points),
-            "bonds": len(bonds.neighbors),
+            "bonds": int(bonds.pointers[-1]),
             "pairs": len(bonds.first),
         }
         return StateArray(

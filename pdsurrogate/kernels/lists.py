@@ -57,14 +57,14 @@ def sort_numbers(numbers, pointers, order):
 
 
 @kernel
-def list_ends(own, others, incidence, backward, forward, out):
-    """Write values of the pairs of each point, one point after the other: first of those in which
-    it is second, from `backward`, then of those in which it is first, from `forward`.
+def list_ends(points, own, others, incidence, backward, forward, out):
+    """Write values of the pairs of each of some `points`, one after the other: first of those in
+    which it is second, from `backward`, then of those in which it is first, from `forward`.
 
     For the other arguments see `pdsurrogate.body.bonds.pairs_of_points`.
     """
     b = 0
-    for i in range(own.shape[0] - 1):
+    for i in points:
         for e in range(others[i], others[i + 1]):
             out[b] = backward[incidence[e]]
             b += 1
@@ -95,8 +95,8 @@ def mixed(key, value):
 
 @kernel
 def key_points(points, volumes, cell, rounding, own, others, incidence, ends, keys):
-    """Write a number of 64 bits for each point, which says what its bonds are: their vectors, and
-    the volumes (as numbers of 64 bits) of their ends.
+    """Write a number of 64 bits for each point, which says what its bonds are: their vectors, the
+    ways in the order of the points, and the volumes (as numbers of 64 bits) of their ends.
 
     Components of vectors count as multiples of the sides of a `cell` where they differ from these
     by no more than `rounding` sides.
@@ -109,7 +109,7 @@ def key_points(points, volumes, cell, rounding, own, others, incidence, ends, ke
         middle = others[i + 1]
         for e in range(begin, middle + own[i + 1] - own[i]):
             j = ends[0, incidence[e]] if e < middle else ends[1, e - middle + own[i]]
-            key = mixed(key, volumes[j])
+            key = mixed(mixed(key, volumes[j]), np.uint64(np.int64(j) - i))
             for c in range(points.shape[1]):
                 way = points[j, c] - points[i, c]
                 steps = np.rint(way / cell[c])

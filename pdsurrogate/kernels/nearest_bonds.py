@@ -6,7 +6,7 @@ from ..engine.compile import kernel
 
 
 @kernel
-def add_unspanned(points, pointers, neighbors, first, second, sources, touching, near):
+def add_unspanned(points, own, others, incidence, ends, first, second, sources, touching, near):
     """Flag in `near`, in place, the bonds that no two shorter ones with an angle of at least 90
     degrees between them span.
 
@@ -17,8 +17,8 @@ def add_unspanned(points, pointers, neighbors, first, second, sources, touching,
     ----------
     points : ndarray, shape (n + m, d)
         Points and images.
-    pointers, neighbors : ndarray of int
-        Neighbor lists of the points, see `Bonds`.
+    own, others, incidence, ends : ndarray of int
+        Pairs of the points, see `Bonds`.
     first, second, sources : ndarray of int, shape (k,)
         Ends of the bonds, and the point at the second end or that it is an image of.
     touching : float
@@ -26,18 +26,19 @@ def add_unspanned(points, pointers, neighbors, first, second, sources, touching,
         the bond, that counts as 90 degrees.
     near : ndarray of bool, shape (k,)
     """
-    n = pointers.shape[0] - 1
     for b in range(first.shape[0]):
         i = first[b]
         j = second[b]
-        if near[b] or (j >= n and sources[b] != i):
+        if near[b] or (j != sources[b] and sources[b] != i):
             continue
         square = 0.0
         for c in range(points.shape[1]):
             square += (points[j, c] - points[i, c]) ** 2
         near[b] = True
-        for e in range(pointers[i], pointers[i + 1]):
-            k = neighbors[e]
+        begin = others[i]
+        middle = others[i + 1]
+        for e in range(begin, middle + own[i + 1] - own[i]):
+            k = ends[0, incidence[e]] if e < middle else ends[1, e - middle + own[i]]
             product = 0.0
             for c in range(points.shape[1]):
                 product += (points[i, c] - points[k, c]) * (points[j, c] - points[k, c])

@@ -33,8 +33,8 @@ def deformation_gradients(algebra):
         chunk,
         positions,
         pointers,
-        neighbors,
         starts,
+        ways,
         weighted_bonds,
         inverse_shape,
         unsupported,
@@ -44,11 +44,11 @@ def deformation_gradients(algebra):
 
         Where the bonds of a point do not span the plane or space, the point carries no stress, and
         F is `unsupported` times I: 1 for a deformation gradient, 0 for a change of F. The weights
-        of a point's bonds begin at its place in `starts`.
+        of a point's bonds, and the ways to their second ends, begin at its place in `starts`.
         """
         for i in share_of(pointers.shape[0] - 1, chunk):
-            bonds = pointers[i], pointers[i + 1], starts[i]
-            algebra.sum_outer_products(positions, neighbors, weighted_bonds, bonds, i, gradients)
+            bonds = starts[i], starts[i] + pointers[i + 1] - pointers[i]
+            algebra.sum_outer_products(positions, ways, weighted_bonds, bonds, i, gradients)
             Z = algebra.symmetric_at(inverse_shape, i)
             F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
             algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))

@@ -45,6 +45,9 @@ STYLE = matplotlib.rc_params_from_file(
 )
 """Settings of Matplotlib for all figures."""
 
+SLAB = 2**16
+"""Number of cells that are drawn into an image together."""
+
 PLAIN = "#d9dde3"
 """Color of cells in no region or group."""
 
@@ -124,20 +127,61 @@ def colors_of(limits: Limits) -> dict[str, Any]:
 
 def draw_cells(axis, cells: CellMesh, displacement: np.ndarray, values: np.ndarray, limits: Limits):
     """Draw cells in the plane after a displacement of the nodes (k, 2), in colors of their
-    values, and their outline; return the cells.
+    values, and their outline; return the cells, an image where they are smaller than two pixels.
     """
-    polygons = polygons_of(cells, displacement)
-    style = {"edgecolors": "none", "linewidths": 0, "antialiased": False, "rasterized": True}
-    drawn = axis.add_collection(
-        PolyCollection(polygons, array=values, **style, **colors_of(limits))
-    )
-    axis.add_collection(
-        LineCollection((cells.nodes + displacement)[cells.outer_sides[0]], **OUTLINE)
-    )
-    low = polygons.min(axis=(0, 1))
-    high = polygons.max(axis=(0, 1))
+    places = cells.nodes + displacement
+    used = np.zeros(len(places), dtype=bool)
+    for block in cells.blocks:
+        used[block] = True
+    low = places[used].min(axis=0)
+    high = places[used].max(axis=0)
+    pixel = float(((high - low) / (PAGE * STYLE["figure.dpi"])).max())
+    counts = np.ceil((high - low) / pixel).astype(int)
+    if 4 * len(cells) > counts.prod():
+        image = image_of(cells, (places - low) / pixel, values, counts)
+        far = low + counts * pixel
+        drawn = axis.imshow(
+            image,
+            extent=(low[0], far[0], low[1], far[1]),
+            origin="lower",
+            interpolation="nearest",
+            **colors_of(limits),
+        )
+    else:
+        style = {"edgecolors": "none", "linewidths": 0, "antialiased": False, "rasterized": True}
+        polygons = polygons_of(cells, displacement)
+        drawn = axis.add_collection(
+            PolyCollection(polygons, array=values, **style, **colors_of(limits))
+        )
+    axis.add_collection(LineCollection(places[cells.outer_sides[0]], **OUTLINE))
     axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return drawn
+
+
+def image_of(
+    cells: CellMesh, places: np.ndarray, values: np.ndarray, counts: np.ndarray
+) -> np.ndarray:
+    """Return the values of the cells that cover the middles of pixels, NaN where none does, shape
+    (rows, columns), with the nodes at `places` (k, 2) in pixels and `counts` columns and rows.
+    """
+    image = np.full(counts[::-1], np.nan)
+    end = 0
+    for block in cells.blocks:
+        for corners in np.array_split(block, range(SLAB, len(block), SLAB)):
+            begin, end = end, end + len(corners)
+            around = places[corners] - 0.5
+            first = np.ceil(around.min(axis=1)).astype(int)
+            many = np.floor(around.max(axis=1)).astype(int) + 1 - first
+            pixels = many.prod(axis=1)
+            cell = np.repeat(np.arange(len(corners)), pixels)
+            number = np.arange(len(cell)) - np.repeat(pixels.cumsum() - pixels, pixels)
+            column, row = (first[cell] + np.stack(np.divmod(number, many[cell, 1]), axis=1)).T
+            x, y = around[cell].transpose(2, 1, 0)
+            right, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+            turns = right * (row - y) - up * (column - x)
+            inside = (turns >= 0).all(axis=0) | (turns <= 0).all(axis=0)
+            image[row[inside], column[inside]] = values[begin:end][cell[inside]]
+    return image
 
 
 def draw_mesh(axis, cells: CellMesh, colors: np.ndarray) -> None:

@@ -5,7 +5,7 @@ probes.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -323,7 +323,7 @@ def point_fields(state: PointState) -> dict[str, np.ndarray]:
     return fields | state.kept
 
 
-def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+def values_of(fields: Mapping[str, np.ndarray], name: str) -> np.ndarray:
     """Return the values of a field, or of a component such as ``stress_22``, from the fields of a
     state; see `Result.field`.
 
@@ -347,7 +347,7 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     return values[(slice(None), *indices)]
 
 
-def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+def scalars_of(fields: Mapping[str, np.ndarray], name: str) -> np.ndarray:
     """Return the values of a scalar field or a component, or the lengths of a vector field,
     shape (n,); raise ValueError for a tensor.
     """
@@ -369,7 +369,7 @@ def label_of(name: str, units: Units) -> str:
     return units.label(symbol, field.unit) if field.unit else symbol
 
 
-def greatest_of(fields: dict[str, np.ndarray], name: str) -> float:
+def greatest_of(fields: Mapping[str, np.ndarray], name: str) -> float:
     """Return the greatest absolute value of all components of the field to which a name, such as
     ``stress_22``, belongs.
     """

@@ -5,7 +5,7 @@ a folder.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -484,7 +484,7 @@ class Result:
         """
         return list(self._fields(level))
 
-    def _fields(self, level: int) -> dict[str, np.ndarray]:
+    def _fields(self, level: int) -> Mapping[str, np.ndarray]:
         if not -len(self.states) <= level < len(self.states):
             there = f"there are 0 to {len(self.states) - 1}" if self.states else "there are none"
             raise IndexError(f"level {level}: the result has no such output; {there}")

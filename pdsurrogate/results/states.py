@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from ..body import Body, CellMesh
 from . import vtk
 from .folder import state_files
 
-Fields = dict[str, np.ndarray]
+Fields = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,13 @@ class States:
         """
         moment = self.moments[number]
         kept = self._kept[number]
-        fields = vtk.read_state(kept)[2] if isinstance(kept, Path) else kept
-        if fields.get(vtk.DISPLACEMENT) is None:
+        if isinstance(kept, Path):
+            return moment, vtk.StoredFields(kept)
+        if kept.get(vtk.DISPLACEMENT) is None:
             raise RuntimeError(
                 "the fields of a run on several ranks are available on the first rank only"
             )
-        return moment, fields
+        return moment, kept
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body in a state that was read from a file, and the
@@ -95,7 +96,7 @@ class States:
         """
         if not any(isinstance(kept, Path) for kept in self._kept):
             raise ValueError("the result contains neither a body nor files with states")
-        return vtk.read_state(self._kept[number])[:2]
+        return vtk.read_cells(self._kept[number])
 
 
 class StatesInFiles(States):
@@ -167,13 +168,14 @@ class StatesInFiles(States):
         share = self.body.share
         path = self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
+        d = self.body.dimension
         needed: dict[str, list] = {"displacement": [], "deformation_gradient": [], "damage": []}
 
         def noted() -> Iterator[Fields]:
             end = 0
             for fields in parts:
                 for name, found in needed.items():
-                    found += [fields[name]] if name in fields else []
+                    found += [_needed(fields[name], d)] if name in fields else []
                 rows = slice(end, end := end + len(fields["displacement"]))
                 if self.in_pieces:
                     own = share.own[rows]
@@ -182,7 +184,7 @@ class StatesInFiles(States):
                 yield fields
 
         fields = vtk.pack(noted())
-        whole = {name: np.concatenate(found) for name, found in needed.items() if found}
+        whole = {name: np.concatenate(needed.pop(name)) for name in [*needed] if needed[name]}
         cells, nodes = deformed_cells(self.body, whole)
         if self.in_pieces:  # the halo was needed for the nodes between pieces
             path = path.with_suffix(".pvtu")
@@ -231,6 +233,18 @@ def _piece(path: Path, rank: int) -> Path:
     return path.with_suffix(f".piece{rank}.vtu")
 
 
+def _needed(values: np.ndarray, dimension: int) -> np.ndarray:
+    """Return the components of a vector (n, 3) or tensor (n, 9) in so many dimensions, the latter
+    in single precision, since they move the nodes of a cell by little beside its point.
+    """
+    if values.shape[1:] == (3,):
+        return values[:, :dimension].copy()
+    if values.shape[1:] == (9,):
+        kept = values.reshape(-1, 3, 3)[:, :dimension, :dimension]
+        return kept.astype(np.float32).reshape(len(kept), -1)
+    return values
+
+
 def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     """Return the cells of a body in a state, and the displacements of their nodes, shape (k, d).
 
@@ -244,8 +258,8 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     """
     d = body.dimension
     cells = body.cells
-    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
-    state = body.points, fields["displacement"][:, :d], F
+    F = _needed(fields["deformation_gradient"], d).reshape(-1, d, d)
+    state = body.points, _needed(fields["displacement"], d), F
     damaged = fields.get("damage", np.zeros(len(body))) > 0
 
     def parted(one: np.ndarray, other: np.ndarray) -> np.ndarray:

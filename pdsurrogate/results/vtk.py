@@ -1,9 +1,11 @@
 """Writing and reading of states as VTU files with a PVD index, for ParaView."""
 
 import zlib
-from base64 import b64encode
-from collections.abc import Iterable
+from base64 import b64decode, b64encode
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
 from html import escape
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import TextIO
 from xml.etree import ElementTree
@@ -14,8 +16,8 @@ from ..body import CellMesh
 from .files import replacing, write_text
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
-"""Names of the types of cells in meshio, by dimension and number of corners; others are polygons
-in the plane.
+"""Names of the types of cells by dimension and number of corners; others are polygons in the
+plane.
 """
 
 CODES = {"triangle": 5, "polygon": 7, "quad": 9, "tetra": 10, "hexahedron": 12}
@@ -23,6 +25,9 @@ CODES = {"triangle": 5, "polygon": 7, "quad": 9, "tetra": 10, "hexahedron": 12}
 
 BLOCK = 2**15
 """Bytes of an array that are compressed together, as VTK does."""
+
+ROWS = 2**16
+"""Rows of an array that are converted to the numbers of a file together."""
 
 LEVEL = 1
 """Level of the compression. Chosen: smooth fields take 2 % more than with the usual 6, in a fifth
@@ -48,9 +53,12 @@ class Packed:
         Kind of the numbers in the file.
     *parts : ndarray
         See `add`.
+    columns : int
+        Least number of columns, zero where the parts have none.
     """
 
-    def __init__(self, kind, *parts: np.ndarray) -> None:
+    def __init__(self, kind, *parts: np.ndarray, columns: int = 0) -> None:
+        self.columns = columns
         self.kind = np.dtype(kind).newbyteorder("<")  # as the files state
         self.components = 1
         self._blocks: list[bytes] = []
@@ -60,12 +68,17 @@ class Packed:
 
     def add(self, values: np.ndarray) -> None:
         """Add the next rows."""
-        self.components = int(np.prod(values.shape[1:]))
-        numbers = np.ascontiguousarray(values, self.kind).reshape(-1).view(np.uint8)
-        rest = np.append(self._rest, numbers)
-        whole = len(rest) // BLOCK * BLOCK
-        self._blocks += [zlib.compress(rest[i : i + BLOCK], LEVEL) for i in range(0, whole, BLOCK)]
-        self._rest = rest[whole:].copy()
+        for rows in np.split(values, range(ROWS, len(values), ROWS)):
+            if missing := max(0, self.columns - rows[0:1].size):
+                rows = np.pad(rows, ((0, 0), (0, missing)))
+            self.components = int(np.prod(rows.shape[1:]))
+            numbers = np.ascontiguousarray(rows, self.kind).reshape(-1).view(np.uint8)
+            rest = np.append(self._rest, numbers)
+            whole = len(rest) // BLOCK * BLOCK
+            self._blocks += [
+                zlib.compress(rest[i : i + BLOCK], LEVEL) for i in range(0, whole, BLOCK)
+            ]
+            self._rest = rest[whole:].copy()
 
     def write(self, file: TextIO, name: str) -> None:
         """Write the array to a VTU file, after the last part."""
@@ -115,19 +128,18 @@ def write_state(
     values : dict of float
         Single values by name, such as the time.
     """
-    flat = ((0, 0), (0, 3 - cells.dimension))
     counts = [len(block) for block in cells.blocks]
     corners = [block.shape[1] for block in cells.blocks]
     types = [CODES[CELL_TYPES.get((cells.dimension, many), "polygon")] for many in corners]
     of_cells = {
-        "connectivity": Packed("i4", np.concatenate([block.ravel() for block in cells.blocks])),
+        "connectivity": Packed("i4", *(block.ravel() for block in cells.blocks)),
         "offsets": Packed("i8", np.repeat(corners, counts).cumsum()),
         "types": Packed("u1", np.repeat(types, counts)),
     }
     parts = {
-        "Points": {"Points": Packed("f8", np.pad(cells.nodes, flat))},
+        "Points": {"Points": Packed("f8", cells.nodes, columns=3)},
         "Cells": of_cells,
-        "PointData": {DISPLACEMENT: Packed("f4", np.pad(nodes, flat))},
+        "PointData": {DISPLACEMENT: Packed("f4", nodes, columns=3)},
         "CellData": fields,
     }
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
@@ -222,38 +234,106 @@ def pieces_of(path: Path) -> list[Path]:
     return [path.parent / piece.get("Source") for piece in ElementTree.parse(path).iter("Piece")]
 
 
-def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]:
-    """Return the cells, the displacements of their nodes, shape (k, d), and the fields of a state
-    that `write_state` wrote.
+class Arrays(Mapping):
+    """Arrays of one element of a VTU file by name, such as the fields of its cells, read when they
+    are asked for.
 
-    Cells are in the order of the points of the body. Pieces are joined; nodes between two pieces
-    occur twice.
+    Parameters
+    ----------
+    path : Path
+    element : str
+        Name of the element, such as "CellData".
     """
-    import meshio
 
-    pieces = [meshio.read(piece) for piece in pieces_of(path)]
-    kinds = [block.type for block in pieces[0].cells]
-    d = next((dimension for (dimension, _), name in CELL_TYPES.items() if name == kinds[0]), 2)
-    begins = np.cumsum([0, *(len(piece.points) for piece in pieces[:-1])])
-    blocks = [
-        np.concatenate(
-            [piece.cells[k].data + begin for piece, begin in zip(pieces, begins, strict=True)]
-        )
-        for k in range(len(kinds))
-    ]
-    fields = {
-        name: np.concatenate([part for piece in pieces for part in piece.cell_data[name]])
-        for name in pieces[0].cell_data
-    }
-    if NUMBER in fields:  # of pieces, whose cells are those of a lattice, in one block
-        order = np.argsort(fields.pop(NUMBER))
-        blocks = [blocks[0][order]]
-        fields = {name: values[order] for name, values in fields.items()}
-    nodes, moved = (
-        np.concatenate(parts)[:, :d]
-        for parts in zip(*((p.points, p.point_data[DISPLACEMENT]) for p in pieces), strict=True)
-    )
-    return CellMesh(nodes, tuple(blocks)), moved.astype(float), fields
+    def __init__(self, path: Path, element: str) -> None:
+        self._path = path
+        self._places: dict[str, tuple[int, int, dict[str, str]]] = {}
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as text:
+            begin = text.find(f"<{element}>".encode())
+            end = text.find(f"</{element}>".encode())
+            while (begin := text.find(b"<DataArray", begin, end)) >= 0:
+                start = text.find(b">", begin) + 1
+                head = ElementTree.fromstring(text[begin : start - 1] + b"/>").attrib
+                begin = text.find(b"<", start)
+                self._places[head["Name"]] = start, begin, head
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        start, end, head = self._places[name]
+        with self._path.open("rb") as file:
+            file.seek(start)
+            text = file.read(end - start).strip()
+        count, _, _ = np.frombuffer(b64decode(text[:16]), "<u4")
+        after = 4 * -(-4 * (3 + int(count)) // 3)
+        sizes = np.frombuffer(b64decode(text[:after]), "<u4")[3:]
+        data = memoryview(b64decode(text[after:]))
+        ends = np.cumsum(sizes, dtype=np.int64)
+        blocks = (zlib.decompress(data[b - n : b]) for b, n in zip(ends, sizes, strict=True))
+        kind = np.dtype(head["type"].lower()).newbyteorder("<")
+        values = np.frombuffer(b"".join(blocks), kind).astype(kind.newbyteorder("="), copy=False)
+        many = int(head.get("NumberOfComponents", 1))
+        return values if many == 1 else values.reshape(-1, many)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+
+class StoredFields(Mapping):
+    """Fields of a state by name, in the order of the points of the body, from its pieces; read
+    when they are asked for.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._pieces = [Arrays(piece, "CellData") for piece in pieces_of(path)]
+        self.divided = NUMBER in self._pieces[0]
+        self._last: tuple[str, np.ndarray] | None = None
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if self._last is None or self._last[0] != name:
+            values = np.concatenate([piece[name] for piece in self._pieces])
+            self._last = name, values[self.order] if self.divided else values
+        return self._last[1]
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Order of the points of pieces, whose cells are those of a lattice, in one block."""
+        return np.argsort(np.concatenate([piece[NUMBER] for piece in self._pieces]))
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self._pieces[0] if name != NUMBER)
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+def read_cells(path: Path) -> tuple[CellMesh, np.ndarray]:
+    """Return the cells of a state that `write_state` wrote, in the order of the points of the
+    body, and the displacements of their nodes, shape (k, d).
+
+    Pieces are joined; nodes between two pieces occur twice.
+    """
+    pieces = []
+    begin = 0
+    for piece in pieces_of(path):
+        places = Arrays(piece, "Points")["Points"]
+        lists = Arrays(piece, "Cells")
+        sizes = np.diff(lists["offsets"], prepend=0)
+        kinds = lists["types"]
+        ends = np.flatnonzero((np.diff(sizes) != 0) | (np.diff(kinds) != 0)) + 1
+        counts = sizes[np.append(0, ends)]
+        parts = np.split(lists["connectivity"] + begin, lists["offsets"][ends - 1])
+        blocks = [part.reshape(-1, many) for part, many in zip(parts, counts, strict=True)]
+        d = 3 if kinds[0] in (CODES["tetra"], CODES["hexahedron"]) else 2
+        begin += len(places)
+        pieces.append((places[:, :d], Arrays(piece, "PointData")[DISPLACEMENT][:, :d], blocks))
+    nodes, moved, blocks = (list(parts) for parts in zip(*pieces, strict=True))
+    joined = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+    fields = StoredFields(path)
+    if fields.divided:
+        joined = [joined[0][fields.order]]
+    return CellMesh(np.concatenate(nodes), tuple(joined)), np.concatenate(moved).astype(float)
 
 
 def read_index(path: Path) -> list[Path]:

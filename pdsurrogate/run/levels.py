@@ -263,7 +263,7 @@ class Equilibria:
         state = self.run.state
         target = increments.target
         run.force.elapse(increments.duration, state.before)
-        before = run.positions.copy()
+        before = run.positions.copy() if run.loads.obstacles else run.positions
         guesses = self._path.guesses(target)
         guess = self._best(guesses, target)
         # What single precision reached at the target may lie on another branch.

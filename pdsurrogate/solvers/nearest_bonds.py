@@ -205,8 +205,8 @@ class NearestBonds:
             near = length <= (WIDE_REACH if self.wide else REACH) * body.spacing
             add_unspanned(
                 body.all_points,
-                bonds.pointers,
-                bonds.neighbors,
+                *bonds.pairs_of_points,
+                bonds.ends,
                 first,
                 second,
                 owners[second],

@@ -8,11 +8,12 @@ from pdsurrogate.body.alike import alike, alike_blocks, vectors_between
 
 
 def lists_of(body):
-    """The vectors and volumes of every point's bonds, and the volume of the point."""
+    """The vectors, ways and volumes of every point's bonds, and the volume of the point."""
     bonds = body.bonds
     owners = body.bond_owners
     vectors = vectors_between(body, owners, bonds.neighbors)
-    values = np.column_stack([vectors, body.all_volumes[bonds.neighbors]])
+    ways = bonds.neighbors - owners
+    values = np.column_stack([vectors, ways, body.all_volumes[bonds.neighbors]])
     parts = np.split(values, bonds.pointers[1:-1].astype(int))
     return [(volume, part.tobytes()) for volume, part in zip(body.volumes, parts, strict=True)]
 

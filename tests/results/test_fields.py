@@ -160,7 +160,7 @@ def test_a_file_holds_cells_and_gives_the_fields_back(tmp_path, body):
     parts = [{name: values[some] for name, values in fields.items()} for some in rows]
     state = *deformed_cells(body, fields), vtk.pack(parts)
     vtk.write_state(tmp_path / "state.vtu", *state, {"t": 0.5})
-    found = vtk.read_state(tmp_path / "state.vtu")[2]
+    found = vtk.StoredFields(tmp_path / "state.vtu")
     assert set(found) == set(fields)
     for name, values in fields.items():
         assert found[name].dtype == (np.float64 if name in vtk.EXACT else np.float32)

@@ -47,6 +47,34 @@ def test_labels_are_symbols_with_units(field, label):
     assert label_of(field, CM) == label
 
 
+def test_a_pixel_shows_the_cell_that_covers_its_middle():
+    """Of cells smaller than two pixels an image is drawn: here of a sheared and turned lattice of
+    30 x 20 cells, in fewer pixels and in more.
+    """
+    cells = pds.Body.rectangle(30.0, 20.0, 1.0, 1.5).cells
+    F = np.array([[0.8, -0.5], [0.9, 0.7]])
+    for size in (0.41, 2.93):
+        places = size * (cells.nodes @ F.T) + [12.0 * size, 0.0]
+        counts = np.ceil(places.max(axis=0)).astype(int)
+        image = figures.image_of(cells, places, np.arange(600.0), counts)
+        middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in counts)), axis=-1)
+        x = np.linalg.solve(F, (middles / size - [12.0, 0.0])[..., None])[..., 0]
+        inside = ((x > 0) & (x < [30.0, 20.0])).all(axis=-1)
+        column, row = np.floor(x).astype(int).transpose(2, 0, 1)
+        np.testing.assert_array_equal(image, np.where(inside, row * 30 + column, np.nan))
+
+
+def test_a_large_body_is_drawn_as_an_image(monkeypatch, stretched):
+    drawn = []
+    for pixels in (150, 10):
+        monkeypatch.setitem(figures.STYLE, "figure.dpi", pixels)
+        axis = stretched.figure().axes[0]
+        drawn.append((len(axis.images), len(axis.collections)))
+        low, high = axis.get_xlim()
+        assert high - low > 3.5
+    assert drawn == [(0, 3), (1, 2)]
+
+
 def test_units_are_printed_as_in_print():
     """In the plane per unit of thickness: forces in MPa and mm, which are in N/mm, were labeled
     MPa·mm².
