@@ -74,11 +74,12 @@ class ChangedWeights:
         d = body.dimension
         self.owners = body.bond_owners[numbers]
         self._points, self._places = np.unique(self.owners, return_inverse=True)
-        ends = np.concatenate([body.bonds.neighbors[numbers].astype(np.int64), self._points])
+        ends = np.concatenate([body.bonds.neighbors[numbers], self._points]).astype(np.int32)
         rows = d * np.concatenate([self.owners, self._points])[:, None] + np.arange(d)
         # The matrices have the entries of all bonds and of their first points, in places that
         # broken bonds do not change.
-        entries = np.arange(rows.size), (rows.ravel(), np.repeat(ends, d))
+        order = np.arange(rows.size, dtype=np.int32)
+        entries = order, (rows.ravel().astype(np.int32), np.repeat(ends, d))
         matrix = scipy.sparse.csr_array(entries, shape=(d * len(body), len(body.all_points)))
         matrix.sort_indices()
         self._matrices = matrix, matrix.T.tocsr()

@@ -82,7 +82,7 @@ def sparse_product(
     entries = (
         rows,
         np.append(pointers[rows], pointers[-1]),
-        matrix.indices.astype(np.uint32),
+        matrix.indices.astype(np.int32, copy=False).view(np.uint32),
         matrix.data,
     )
     arrays = *entries, values, int(add), np.zeros((len(rows), width)), out
