@@ -1,6 +1,7 @@
 """Stages in equilibrium in which bonds break: slow tears."""
 
 import logging
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +20,7 @@ from .levels import COARSE, FAILURES, FINE, Accepted, Equilibria
 from .paths import ParameterPath
 from .rows import equilibrium_columns, output_row
 from .run import Run
-from .tear_account import TearAccount
+from .tear_account import TearAccount, tear_entry
 from .tear_window import Window, can_have_windows
 
 logger = logging.getLogger(__name__)
@@ -114,6 +115,9 @@ class Tearing(Equilibria):
         if not self._checkpoints.resumable:  # broken bonds cannot be restored otherwise
             self._checkpoint()
         super().go()
+        remark = tear_entry(self.run)["remark"]
+        if remark and self.run.force.has_energy and self.run.ranks.rank == 0:
+            warnings.warn(remark, stacklevel=4)
         return True
 
     def _go_to(self, stop: float, time: float) -> Equilibrium | None:
