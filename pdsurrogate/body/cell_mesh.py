@@ -36,7 +36,7 @@ def _around(corners: int) -> tuple[tuple[int, int], ...]:
 
 
 SLAB = 2**16
-"""Number of cells whose nodes are moved together."""
+"""Number of cells whose nodes are moved, or that are drawn into an image, together."""
 
 TORN = 0.5
 """Relative distance between the two positions that neighboring cells predict for their common side,

@@ -56,6 +56,15 @@ def sort_numbers(numbers, pointers, order):
             place[numbers[k]] += np.uint64(1)
 
 
+@inlined
+def other_end(i, e, own, others, incidence, ends):
+    """Return the other end of a pair of point i, by its place e: from ``others[i]`` on the pairs in
+    which the point is second, then those in which it is first.
+    """
+    middle = others[i + 1]
+    return ends[0, incidence[e]] if e < middle else ends[1, e - middle + own[i]]
+
+
 @kernel
 def list_ends(points, own, others, incidence, backward, forward, out):
     """Write values of the pairs of each of some `points`, one after the other: first of those in
@@ -105,10 +114,8 @@ def key_points(points, volumes, cell, rounding, own, others, incidence, ends, ke
     bits = component.view(np.uint64)
     for i in range(keys.shape[0]):
         key = mixed(ODD, volumes[i])
-        begin = others[i]
-        middle = others[i + 1]
-        for e in range(begin, middle + own[i + 1] - own[i]):
-            j = ends[0, incidence[e]] if e < middle else ends[1, e - middle + own[i]]
+        for e in range(others[i], others[i + 1] + own[i + 1] - own[i]):
+            j = other_end(i, e, own, others, incidence, ends)
             key = mixed(mixed(key, volumes[j]), np.uint64(np.int64(j) - i))
             for c in range(points.shape[1]):
                 way = points[j, c] - points[i, c]

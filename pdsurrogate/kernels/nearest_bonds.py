@@ -3,6 +3,7 @@ section 11).
 """
 
 from ..engine.compile import kernel
+from .lists import other_end
 
 
 @kernel
@@ -35,10 +36,8 @@ def add_unspanned(points, own, others, incidence, ends, first, second, sources, 
         for c in range(points.shape[1]):
             square += (points[j, c] - points[i, c]) ** 2
         near[b] = True
-        begin = others[i]
-        middle = others[i + 1]
-        for e in range(begin, middle + own[i + 1] - own[i]):
-            k = ends[0, incidence[e]] if e < middle else ends[1, e - middle + own[i]]
+        for e in range(others[i], others[i + 1] + own[i + 1] - own[i]):
+            k = other_end(i, e, own, others, incidence, ends)
             product = 0.0
             for c in range(points.shape[1]):
                 product += (points[i, c] - points[k, c]) * (points[j, c] - points[k, c])

@@ -314,8 +314,8 @@ def _swelling(law: Law, mode: str, time: np.ndarray, stretch: np.ndarray) -> His
                 pressure = law.shear_modulus * J3 * law.volumetric(J3, law.parameters)[1]
                 return squares, states, float(energy[0]), stress - stress.mean() + pressure
 
-            volume, _ = scipy.optimize.newton(
-                lambda x, at=at: at(x)[-1][2], volume, tol=1e-12, full_output=True, disp=False
+            volume = scipy.optimize.newton(
+                lambda x, at=at: at(x)[-1][2], volume, tol=1e-12, disp=False
             )
             squares, states, energy, stress = at(volume)
             # SciPy's search may stop at rounding without having converged by its own measure.

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body.cell_mesh import CellMesh
+from ..body.cell_mesh import SLAB, CellMesh
 from .files import replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
@@ -44,9 +44,6 @@ STYLE = matplotlib.rc_params_from_file(
     Path(__file__).with_name("journal.mplstyle"), use_default_template=False
 )
 """Settings of Matplotlib for all figures."""
-
-SLAB = 2**16
-"""Number of cells that are drawn into an image together."""
 
 PLAIN = "#d9dde3"
 """Color of cells in no region or group."""

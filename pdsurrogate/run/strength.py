@@ -298,7 +298,7 @@ class StrongDamage(Damage):
         pairs = pairs[zone.pairs[pairs] & ~self.broken[pairs] & np.isfinite(limits[pairs])]
         first = bonds.first[pairs]
         second = bonds.second[pairs]
-        away = lengths_of((points[first] + points[second]) / 2 - center)
+        away = lengths_of(self.middles(pairs) - center)
         within = away <= zone.radius
         pairs, first, second, away = (rows[within] for rows in (pairs, first, second, away))
         length = lengths_of(points[second] - points[first])

@@ -297,8 +297,8 @@ class Loading:
             obstacle.check_barred(positions)
         supported = force.supported
         passed = []
-        for number, name in enumerate(self.planes):
-            plane, motion = self.body.planes[number], self.plane_motions(parameter)[number]
+        planes = zip(self.planes, self.body.planes, self.plane_motions(parameter), strict=True)
+        for number, (name, plane, motion) in enumerate(planes):
             beyond = supported * self._beyond(number, motion, positions, np.arange(len(positions)))
             self._check_held(name, plane, motion)
             if broken is not None and self._share.any(bool((beyond > 0).any())):
