@@ -73,10 +73,11 @@ class QuasiNewton(EquilibriumSolver):
         large = not self._slender and self.share.size > self.MANY
         history: deque = deque(maxlen=self.MEMORY // 2 if large else self.MEMORY)
         residuals = [residual]
+        scale = 1.0
         while not settled:
             if preconditioner.update():
                 history.clear()
-            step = self._direction(preconditioner, forces, history)
+            step = self._direction(preconditioner, forces, history, scale)
             self._bound(force, step)
             try:
                 following, share = self._advance(force, positions, step, forces, trial)
@@ -89,6 +90,7 @@ class QuasiNewton(EquilibriumSolver):
             residual, settled = self.judge(force, following, tolerance)
             evaluations = force.evaluations - began
             curvature = self.share.dot(step, change)
+            scale *= self._rescaled(share, self.share.dot(step, forces), curvature)
             if share < self.MISJUDGED and history:
                 # The tangent has changed, and the pairs mislead: they would propose one step after
                 # another that is much too long.
@@ -155,9 +157,16 @@ class QuasiNewton(EquilibriumSolver):
 
         return accepts
 
-    def _direction(self, preconditioner, forces, history):
-        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner
-        between the loops.
+    def _rescaled(self, share: float, work: float, curvature: float) -> float:
+        """Return the factor by which the scale of the preconditioner changes after a step.
+
+        Here it stays: a step that is too long shows in the pairs at once, and costs nothing.
+        """
+        return 1.0
+
+    def _direction(self, preconditioner, forces, history, scale):
+        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner,
+        times its `scale`, between the loops.
 
         `history` holds tuples (step, change of the forces, 1 divided by the inner product of both).
         """
@@ -167,7 +176,7 @@ class QuasiNewton(EquilibriumSolver):
             factor = rho * self.share.dot(step, q)
             q -= factor * change
             factors.append(factor)
-        q = preconditioner.solve(q) * self.free
+        q = scale * preconditioner.solve(q) * self.free
         for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
             q += (factor - rho * self.share.dot(change, q)) * step
         return q
@@ -194,12 +203,32 @@ class EnergyMinimizer(QuasiNewton):
     # increment.
     PATIENCE = 2_000
     IDLE = EquilibriumSolver.IDLE
+    # The energy tells which steps are too long. Chosen: a corner, where the strain of a step grows
+    # as the spacing falls, shortens every step of a block with 0.25: `plane-strain-block` with
+    # 80,000 points takes 202 evaluations with 0.25, 135 with 0.35, 123 with 0.5 and 128 with 1.
+    LARGEST_STRAIN = 0.5
+    # Greatest factor by which one step changes the scale of the preconditioner; a greater change of
+    # the slope is that of forces far from linear. Chosen: 1.25 and 4 take as many evaluations.
+    RESCALED = 2.0
     # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual
     # value, which refuses few steps.
     SUFFICIENT = 1e-4
     # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a
     # hundred times that of a single number.
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
+
+    def _rescaled(self, share, work, curvature):
+        """Return the factor by which the scale of the preconditioner changes after a step.
+
+        `work` is the inner product of the forces with the step, of which the fraction `share` was
+        accepted, and `curvature` that of their change. Where the tangent is stiffer than the
+        preconditioner every step would be too long, and be shortened by a further evaluation. The
+        scale follows the geometric mean of the step and of the length at which the slope vanishes,
+        since the pairs of L-BFGS have a part in both.
+        """
+        if not (work > 0 and curvature > 0):
+            return 1.0
+        return float(np.clip(np.sqrt(share * work / curvature), 1 / self.RESCALED, self.RESCALED))
 
     def _criterion(self, force, step, forces):
         slope = -self.share.dot(forces, step)

@@ -11,11 +11,12 @@ from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.discretization.cells import lattice_of
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.solvers import stability
+from pdsurrogate.solvers import nearest_bonds, stability
 from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
 from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, laplacian_of
 from pdsurrogate.solvers.preconditioner import extension_of, incompressible_inverse
+from pdsurrogate.solvers.quasi_newton import EnergyMinimizer
 
 PLANE = {2: "strain", 3: "space"}
 
@@ -119,6 +120,22 @@ def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, ac
     assert found.method == "minimizer"
     assert found.evaluations <= most
     assert np.abs(force.volume_ratios() - 1).max() < 5 / ratio
+
+
+def test_steps_follow_a_tangent_that_is_stiffer_than_the_preconditioner(monkeypatch):
+    """With springs a sixth as stiff the search took 107 evaluations in place of 19, since each step
+    was tried at a length that was too great; it takes 42 in place of 14.
+    """
+    raised = nearest_bonds.RAISED
+    counts = []
+    for softer in (1.0, 6.0):
+        monkeypatch.setattr(nearest_bonds, "RAISED", raised / softer)
+        force = block(12, 2, 100)
+        positions = force.body.points * [1.0, 1.05]
+        force.move_plane(1, np.array([0.0, 0.05]))
+        solver = EnergyMinimizer(np.ones_like(positions), force.body.volumes, 1e-5)
+        counts.append(solver.solve(force, positions).evaluations)
+    assert counts[1] <= 4 * counts[0]
 
 
 @pytest.mark.parametrize("across", [6, 18])
